@@ -7,7 +7,11 @@ fn main() -> trisplat::Result<()> {
     let file = std::env::args().nth(1).unwrap_or("samples/soups/trained.ply".into());
     let scene = trisplat::read(&file)?;
     let Some(camera) = scene.cameras.first() else {
-        return Err(Error::invalid("scene", file, "a scene that trisplat trained, which knows its cameras"));
+        return Err(Error::invalid(
+            "scene",
+            file,
+            "a scene that trisplat trained, which knows its cameras",
+        ));
     };
     Renderer::soft(&scene)?.draw(camera)?.save_png("soft.png")?;
     Renderer::new(&scene)?.draw(camera)?.save_png("solid.png")

@@ -17,7 +17,10 @@ fn main() -> trisplat::Result<()> {
     let options = TrainOptions { steps, max_triangles: 4000, ..TrainOptions::default() };
     let trained = trisplat::train(&photos, &options, &mut |event| match event {
         Event::Train(part, TrainEvent::Step { sample, .. }) if sample.step % 100 == 0 => {
-            println!("{part:?} {:>5}: {:.2} dB, {} triangles", sample.step, sample.psnr, sample.triangles);
+            println!(
+                "{part:?} {:>5}: {:.2} dB, {} triangles",
+                sample.step, sample.psnr, sample.triangles
+            );
             // Good enough: `Break` ends the training here.
             if sample.psnr < 45.0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         }

@@ -85,14 +85,18 @@ pub use glam;
 pub use trisplat_bake::{BakeOptions, BakePreset, MeshOptions, TextureWhen, Views, mesh};
 pub use trisplat_dataset::{Dataset, DatasetOptions};
 pub use trisplat_formats::gltf::GltfOptions;
-pub use trisplat_formats::{Format, OutputOptions, OutputTarget as Target, ReadOptions, WrittenFiles};
+pub use trisplat_formats::{
+    Format, OutputOptions, OutputTarget as Target, ReadOptions, WrittenFiles,
+};
 pub use trisplat_job::{
-    BakeDone, BakeInput, BakeJob, Baked, EvalJob, Event, MakeJob, MeshJob, Observer, RenderJob, Renderer,
-    TrainDone, TrainJob, TrainPart, bake, read, read_bytes, score, train,
+    BakeDone, BakeInput, BakeJob, Baked, EvalJob, Event, MakeJob, MeshJob, Observer, RenderJob,
+    Renderer, TrainDone, TrainJob, TrainPart, bake, read, read_bytes, score, train,
 };
 pub use trisplat_scene::camera::Camera;
 pub use trisplat_scene::image::RgbImage;
 pub use trisplat_scene::mesh::{Colors, Mesh};
 pub use trisplat_scene::report::{Report, StageEvent};
-pub use trisplat_scene::{Asset, Budget, Error, ImportedScene, Limits, Result, Scene, Seconds, Soup, Splats};
+pub use trisplat_scene::{
+    Asset, Budget, Error, ImportedScene, Limits, Result, Scene, Seconds, Soup, Splats,
+};
 pub use trisplat_train::{TrainEvent, TrainOptions, TrainPreset, TrainSample, Trained};

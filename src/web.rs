@@ -48,7 +48,8 @@ pub fn main() -> ExitCode {
 /// Runs the job of the arguments, after its threads are started.
 fn job() -> Result<Job> {
     let mut arguments = std::env::args().skip(1);
-    let path = arguments.next().ok_or_else(|| Error::invalid("job", "nothing", "a file with a job"))?;
+    let path =
+        arguments.next().ok_or_else(|| Error::invalid("job", "nothing", "a file with a job"))?;
     let threads = arguments.next().and_then(|count| count.parse().ok()).unwrap_or(1);
     // This thread is one of them, so with one thread no other is started.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread();
@@ -72,10 +73,13 @@ fn run(job: Job) -> Result<()> {
         Job::Picture { input, output, view, size, background, options } => {
             let camera = view.camera(UVec2::from(size));
             camera.validate(&Limits::DEFAULT)?;
-            let (loaded, splats) = formats::read_content(&input, &ReadOptions::default())?.stand_in();
+            let (loaded, splats) =
+                formats::read_content(&input, &ReadOptions::default())?.stand_in();
             let file_placement = loaded.provenance.placement;
             let mut renderer = match (splats, &loaded.scene) {
-                (Some(splats), _) => SceneRenderer::splats(splats, &file_placement, None, background),
+                (Some(splats), _) => {
+                    SceneRenderer::splats(splats, &file_placement, None, background)
+                }
                 (None, Scene::Soup(soup)) => {
                     SceneRenderer::soft(soup.clone(), &file_placement, None, background)
                 }
@@ -143,11 +147,15 @@ fn matrix(placement: &Placement) -> [[f32; 3]; 4] {
 fn report_faults() {
     std::panic::set_hook(Box::new(|panic| {
         let message = input::text(panic.payload());
-        let place = panic.location().map_or_else(String::new, |at| format!(" ({}:{})", at.file(), at.line()));
+        let place = panic
+            .location()
+            .map_or_else(String::new, |at| format!(" ({}:{})", at.file(), at.line()));
         match INPUT.get().filter(|_| is_guarded()) {
             Some(path) => say("error", input::failed(path, message).to_string()),
             None => {
-                let fault = format!("trisplat has a fault: {message}{place}; please report it with the file");
+                let fault = format!(
+                    "trisplat has a fault: {message}{place}; please report it with the file"
+                );
                 say("error", fault);
             }
         }
@@ -265,7 +273,9 @@ impl Job {
     /// The first file that is read, for messages.
     fn input(&self) -> Option<&PathBuf> {
         match self {
-            Self::Info { input } | Self::Look { input, .. } | Self::Picture { input, .. } => Some(input),
+            Self::Info { input } | Self::Look { input, .. } | Self::Picture { input, .. } => {
+                Some(input)
+            }
             Self::Bake { inputs, .. } => inputs.first(),
         }
     }

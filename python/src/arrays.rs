@@ -2,7 +2,9 @@
 
 use bytemuck::allocation::cast_vec;
 use glam::Vec3;
-use numpy::{AllowTypeChange, Element, PyArray1, PyArrayLikeDyn, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{
+    AllowTypeChange, Element, PyArray1, PyArrayLikeDyn, PyArrayMethods, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -20,8 +22,14 @@ pub fn of_scene(py: Python<'_>, scene: Scene) -> PyResult<Bound<'_, PyDict>> {
 /// The arrays of a soup.
 pub fn of_soup(py: Python<'_>, soup: Soup) -> PyResult<Bound<'_, PyDict>> {
     let out = PyDict::new(py);
-    let (count, coefficients) = (soup.len(), soup.sh_count());
-    put(&out, "triangles", cast_vec::<_, [f32; 9]>(soup.vertices).into_flattened(), &[count, 3, 3])?;
+    let count = soup.len();
+    let coefficients = soup.sh_count();
+    put(
+        &out,
+        "triangles",
+        cast_vec::<_, [f32; 9]>(soup.vertices).into_flattened(),
+        &[count, 3, 3],
+    )?;
     put(&out, "opacity", soup.opacity, &[count])?;
     put(&out, "sigma", soup.sigma, &[count])?;
     put(&out, "sh", soup.sh.into_flattened(), &[count, coefficients, 3])?;
@@ -31,10 +39,21 @@ pub fn of_soup(py: Python<'_>, soup: Soup) -> PyResult<Bound<'_, PyDict>> {
 /// The arrays of a mesh; faces without shared vertices get running numbers.
 pub fn of_mesh(py: Python<'_>, mesh: Mesh) -> PyResult<Bound<'_, PyDict>> {
     let out = PyDict::new(py);
-    let (faces, vertices) = (mesh.face_count(), mesh.vertex_count());
-    put(&out, "positions", cast_vec::<_, [f32; 3]>(mesh.positions).into_flattened(), &[vertices, 3])?;
+    let faces = mesh.face_count();
+    let vertices = mesh.vertex_count();
+    put(
+        &out,
+        "positions",
+        cast_vec::<_, [f32; 3]>(mesh.positions).into_flattened(),
+        &[vertices, 3],
+    )?;
     let running = || (0..vertices as u32).collect();
-    put(&out, "faces", if mesh.indices.is_empty() { running() } else { mesh.indices }, &[faces, 3])?;
+    put(
+        &out,
+        "faces",
+        if mesh.indices.is_empty() { running() } else { mesh.indices },
+        &[faces, 3],
+    )?;
     let (Colors::Face(colors) | Colors::Vertex(colors)) = mesh.colors;
     let count = colors.len();
     put(&out, "colors", colors.into_flattened(), &[count, 3])?;
@@ -51,7 +70,12 @@ pub fn put_picture(out: &Bound<'_, PyDict>, name: &str, picture: &RgbImage) -> P
 }
 
 /// Adds an array that owns the values.
-fn put<T: Element>(out: &Bound<'_, PyDict>, key: &str, values: Vec<T>, shape: &[usize]) -> PyResult<()> {
+fn put<T: Element>(
+    out: &Bound<'_, PyDict>,
+    key: &str,
+    values: Vec<T>,
+    shape: &[usize],
+) -> PyResult<()> {
     out.set_item(key, PyArray1::from_vec(out.py(), values).reshape(shape)?)
 }
 
@@ -61,7 +85,9 @@ pub fn to_scene(dict: &Bound<'_, PyDict>) -> PyResult<Scene> {
         (true, false) => &["triangles", "opacity", "sigma", "sh"],
         (false, true) => &["positions", "faces", "colors", "opacity"],
         _ => {
-            return Err(PyValueError::new_err("expected either `triangles`, a soup, or `positions`, a mesh"));
+            return Err(PyValueError::new_err(
+                "expected either `triangles`, a soup, or `positions`, a mesh",
+            ));
         }
     };
     for key in dict.keys() {
@@ -92,7 +118,10 @@ fn to_soup(dict: &Bound<'_, PyDict>) -> PyResult<Soup> {
         None => (vec![[0.5 / trisplat_scene::SH_C0; 3]; rows], 0),
     };
     Ok(Soup {
-        vertices: corners.chunks_exact(3).map(|corners| [corners[0], corners[1], corners[2]]).collect(),
+        vertices: corners
+            .chunks_exact(3)
+            .map(|corners| [corners[0], corners[1], corners[2]])
+            .collect(),
         opacity: one("opacity", 1.0)?,
         sigma: one("sigma", 0.01)?,
         sh,

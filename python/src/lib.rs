@@ -27,7 +27,8 @@ use trisplat_scene::{Budget, Seconds};
 /// Raises OSError for errors of the system, ValueError for an unknown or broken file.
 #[pyfunction]
 fn read<'py>(py: Python<'py>, path: PathBuf) -> PyResult<Bound<'py, PyDict>> {
-    let loaded = py.detach(|| trisplat_formats::read(&path, &ReadOptions::default())).map_err(raised)?;
+    let loaded =
+        py.detach(|| trisplat_formats::read(&path, &ReadOptions::default())).map_err(raised)?;
     arrays::of_scene(py, loaded.scene)
 }
 
@@ -52,10 +53,12 @@ fn bake<'py>(
     max_bytes: Option<u64>,
     options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let mut job = BakeJob::new(sources(source)?, options::resolve(py, options, BakeOptions::preset)?.options);
+    let mut job =
+        BakeJob::new(sources(source)?, options::resolve(py, options, BakeOptions::preset)?.options);
     job.harden = harden.then_some(HARDEN_STEPS);
     job.max_bytes = max_bytes;
-    let output = output.map(|path| job.options.plan_output(&path, None)).transpose().map_err(raised)?;
+    let output =
+        output.map(|path| job.options.plan_output(&path, None)).transpose().map_err(raised)?;
     let there = output.iter().flat_map(Output::paths).find(|path| !force && path.exists());
     if let Some(path) = there {
         return Err(exists(path));
@@ -126,9 +129,12 @@ fn render<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let mut job = RenderJob::new(file);
     job.dataset_options = options::plain(py, dataset_options)?;
-    (job.split, job.show) = (options::named("split", split)?, options::named("show", show)?);
+    job.split = options::named("split", split)?;
+    job.show = options::named("show", show)?;
     job.render.mode = mode.map(|mode| options::named("mode", mode)).transpose()?;
-    (job.render.ssaa, job.orbit, job.width) = (options::samples(ssaa)?, orbit, width);
+    job.render.ssaa = options::samples(ssaa)?;
+    job.orbit = orbit;
+    job.width = width;
     let work = || {
         let how = job.dataset_options.clone();
         let dataset = dataset.map(|path| Dataset::load(&path, &how)).transpose()?;
@@ -152,7 +158,10 @@ fn cpu_budget(seconds: Option<f64>) -> PyResult<Option<Budget>> {
 
 /// The exception for an existing file.
 fn exists(path: &std::path::Path) -> PyErr {
-    PyFileExistsError::new_err(format!("{} already exists; give force=True to replace it", path.display()))
+    PyFileExistsError::new_err(format!(
+        "{} already exists; give force=True to replace it",
+        path.display()
+    ))
 }
 
 /// The input of a bake; files are read after releasing the interpreter.
@@ -174,7 +183,9 @@ fn source(source: &Bound<'_, PyAny>) -> PyResult<BakeInput> {
 fn raised(error: trisplat::Error) -> PyErr {
     match &error {
         // FileNotFoundError, PermissionError, ... of the system.
-        trisplat::Error::Io { source, .. } => std::io::Error::new(source.kind(), error.to_string()).into(),
+        trisplat::Error::Io { source, .. } => {
+            std::io::Error::new(source.kind(), error.to_string()).into()
+        }
         _ => PyValueError::new_err(error.to_string()),
     }
 }

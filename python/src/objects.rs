@@ -36,8 +36,8 @@ pub fn to_trimesh<'py>(source: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>
 #[pyfunction]
 pub fn to_open3d<'py>(source: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     let py = source.py();
-    let (geometry, utility) =
-        (py.import("open3d")?.getattr("geometry")?, py.import("open3d")?.getattr("utility")?);
+    let geometry = py.import("open3d")?.getattr("geometry")?;
+    let utility = py.import("open3d")?.getattr("utility")?;
     let mut mesh = mesh(source)?;
     encode(&mut mesh);
     if let Colors::Face(colors) = &mesh.colors {
@@ -68,9 +68,9 @@ fn mesh(source: &Bound<'_, PyAny>) -> PyResult<Mesh> {
     };
     match scene {
         Scene::Mesh(mesh) => Ok(mesh),
-        Scene::Soup(_) => {
-            Err(PyValueError::new_err("a soup is not a mesh yet: give what trisplat.bake(scene) returns"))
-        }
+        Scene::Soup(_) => Err(PyValueError::new_err(
+            "a soup is not a mesh yet: give what trisplat.bake(scene) returns",
+        )),
     }
 }
 

@@ -25,7 +25,9 @@ pub fn plain<T: DeserializeOwned + Default>(
     typed: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<T> {
     match typed {
-        Some(typed) => serde_json::from_value(Value::Object(from_python(py, typed)?)).map_err(refused),
+        Some(typed) => {
+            serde_json::from_value(Value::Object(from_python(py, typed)?)).map_err(refused)
+        }
         None => Ok(T::default()),
     }
 }

@@ -41,8 +41,10 @@ pub fn train<'py>(
     let budget = cpu_budget(budget)?;
     if let Some(path) = &output {
         if path.extension().is_none_or(|end| !end.eq_ignore_ascii_case("ply")) {
-            let what =
-                format!("{} is not a name that ends with .ply; bake turns it into .glb", path.display());
+            let what = format!(
+                "{} is not a name that ends with .ply; bake turns it into .glb",
+                path.display()
+            );
             return Err(PyValueError::new_err(what));
         }
         if path.exists() && !force {
@@ -54,7 +56,9 @@ pub fn train<'py>(
         // A folder that is not writable fails before the work.
         let file = output.as_deref().map(AtomicFile::create).transpose()?;
         let mut job = TrainJob::new(Dataset::load(&dataset, &how)?, layered.options.clone());
-        (job.options, job.dataset_options, job.budget) = (layered, how, budget);
+        job.options = layered;
+        job.dataset_options = how;
+        job.budget = budget;
         let Ok(teacher) = teacher.map(|teacher| teacher.parse::<TeacherSource>()).transpose();
         job.teacher = teacher;
         let mut done = job.run(&mut |event| watcher.watch(&event))?;
@@ -91,13 +95,18 @@ impl Watcher {
                 Err(error) => self.raised = Some(error),
             }
         }
-        if self.stopped || self.raised.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if self.stopped || self.raised.is_some() {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
     }
 
     /// True when the callback asks to stop.
     fn tell(&self, py: Python<'_>, event: &Event<'_>) -> PyResult<bool> {
         py.check_signals()?;
-        let (Event::Train(part, TrainEvent::Step { sample, .. }), Some(callback)) = (event, &self.callback)
+        let (Event::Train(part, TrainEvent::Step { sample, .. }), Some(callback)) =
+            (event, &self.callback)
         else {
             return Ok(false);
         };

@@ -52,7 +52,8 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
         began: Some(clock),
     };
     let mut terminal = Terminal::new(global, flags::command_of::<BakeArgs>("bake"));
-    let BakeDone { mut report, .. } = job.write(&output, files, &mut |event| terminal.tell(event))?;
+    let BakeDone { mut report, .. } =
+        job.write(&output, files, &mut |event| terminal.tell(event))?;
     report.dry_run = args.dry_run;
     say(&report, &terminal.done());
     outputs.save_report(args.report.as_deref(), &report)
@@ -60,7 +61,9 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
 
 /// Phones show no colours of corners in USDZ: photos become a texture unless `--texture` was typed.
 pub(super) fn textured_by_itself(options: &mut BakeOptions, matches: &ArgMatches, output: &Path) {
-    if OutputFormat::of(output).ok() == Some(OutputFormat::Usdz) && !flags::is_typed(matches, "texture") {
+    if OutputFormat::of(output).ok() == Some(OutputFormat::Usdz)
+        && !flags::is_typed(matches, "texture")
+    {
         options.texture.texture = TextureWhen::On;
     }
 }
@@ -80,7 +83,8 @@ fn say(report: &Report, progress: &Progress) {
 
 /// The softness of the scene, the score of its solid triangles, and a hint.
 fn soft_note(softness: &Softness, reshaped: Option<&ReshapeDetails>) -> String {
-    let (psnr, pictures) = (softness.psnr, counted(softness.pictures, "picture"));
+    let psnr = softness.psnr;
+    let pictures = counted(softness.pictures, "picture");
     let gain = reshaped.and_then(|details| Some(details.psnr_last? - details.psnr_first?));
     let fitted = match gain {
         Some(gain) => format!("fitting them to its pictures gained {gain:.1} dB"),
@@ -174,7 +178,10 @@ impl FromStr for ByteSize {
         // NaN is in no range.
         match (1.0..=1e15).contains(&bytes) {
             true => Ok(Self(bytes as u64)),
-            false => Err("expected a size of 1 byte or more, as in 5MB, 500kB, 4MiB or 5000000".to_owned()),
+            false => {
+                Err("expected a size of 1 byte or more, as in 5MB, 500kB, 4MiB or 5000000"
+                    .to_owned())
+            }
         }
     }
 }
@@ -205,8 +212,10 @@ fn bake_blocks(
     };
     let done = bake_tiles(&blocks, &args.output, &options, &mut say)?;
     if !global.quiet {
-        let (out, folder) = (args.output.display(), done.folder.display());
-        let (triangles, bytes) = (many(done.triangles, "triangle"), thousands(done.bytes));
+        let out = args.output.display();
+        let folder = done.folder.display();
+        let triangles = many(done.triangles, "triangle");
+        let bytes = thousands(done.bytes);
         let seconds = clock.elapsed().as_secs_f64();
         let count = many(blocks.count() as u64, "block");
         messages::print(&format!(
@@ -219,7 +228,11 @@ fn bake_blocks(
 /// Refuses options that need the whole scene at once.
 fn check(args: &BakeArgs, options: &BakeOptions) -> Result<()> {
     let refused = [
-        (args.dataset.is_some(), "dataset", "a merged scene: blocks are baked one by one, without photos"),
+        (
+            args.dataset.is_some(),
+            "dataset",
+            "a merged scene: blocks are baked one by one, without photos",
+        ),
         (args.harden.is_some(), "harden", "a merged scene"),
         (args.max_bytes.is_some(), "max_bytes", "a merged scene"),
         (args.report.is_some(), "report", "a merged scene"),

@@ -39,7 +39,8 @@ pub fn run(args: &CaptureArgs, global: &Global, inputs: &Inputs) -> Result<ExitC
     let mut outputs = Outputs::new(inputs, args.force);
     outputs.claim_report(args.report.as_deref())?;
     let mut job = Capture::new(args.inputs.iter().cloned(), args.output.clone());
-    (job.options, job.force) = (args.options.clone(), args.force);
+    job.options = args.options.clone();
+    job.force = args.force;
 
     let mut report = Report::new("capture");
     report.options = serde_json::to_value(&args.options).unwrap_or_default();

@@ -9,7 +9,9 @@ use super::render::Pictures;
 use std::io::Write;
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, ShrunkSize, View};
-use trisplat_job::{BesideScores, DepthScores, EvalJob, EvalReport, ScoredPicture, Scores, StepScore};
+use trisplat_job::{
+    BesideScores, DepthScores, EvalJob, EvalReport, ScoredPicture, Scores, StepScore,
+};
 use trisplat_scene::{Error, Result};
 
 /// What to evaluate.
@@ -81,20 +83,25 @@ impl Table {
     }
 
     fn line(&self, out: &mut dyn Write, text: &str) -> Result<()> {
-        messages::write(out, text.trim_end()).and_then(|()| out.flush()).map_err(|e| Error::io("-", e))
+        messages::write(out, text.trim_end())
+            .and_then(|()| out.flush())
+            .map_err(|e| Error::io("-", e))
     }
 
     /// Name, step and scores.
     fn cells(&self, name: &str, step: &str, scores: &Scores) -> String {
-        let (width, Scores { psnr, ssim, flip, psnr_corrected, ssim_corrected }) = (self.width, scores);
+        let width = self.width;
+        let Scores { psnr, ssim, flip, psnr_corrected, ssim_corrected } = scores;
         let cells = format!("{name:<width$}  {step:<5} {psnr:>8.3} {ssim:>7.4} {flip:>7.4}");
         format!("{cells}  {psnr_corrected:>12.3} {ssim_corrected:>7.4}")
     }
 
     fn header(&self, out: &mut dyn Write) -> Result<()> {
         let width = self.width;
-        let header =
-            format!("{:<width$}  {:<5} {:>8} {:>7} {:>7}", "photo", "step", "PSNR dB", "SSIM", "FLIP");
+        let header = format!(
+            "{:<width$}  {:<5} {:>8} {:>7} {:>7}",
+            "photo", "step", "PSNR dB", "SSIM", "FLIP"
+        );
         let header = format!("{header}  {:>12} {:>7}", "corrected dB", "SSIM");
         if self.shown { self.line(out, &header) } else { Ok(()) }
     }
@@ -117,9 +124,13 @@ impl Table {
         let name = &step.name;
         if let Some(DepthScores { rays, within, before, behind }) = step.depth {
             let rays = thousands(rays);
-            let shares =
-                format!("{within:.3} within 1%, {before:.3} over 5% before, {behind:.3} over 5% behind");
-            self.line(out, &format!("depth   {name:<5} {shares}, of {rays} rays to tracked points"))?;
+            let shares = format!(
+                "{within:.3} within 1%, {before:.3} over 5% before, {behind:.3} over 5% behind"
+            );
+            self.line(
+                out,
+                &format!("depth   {name:<5} {shares}, of {rays} rays to tracked points"),
+            )?;
         }
         if let Some(psnr) = step.psnr_own_exposure {
             let what = "at each photo's exposure and white balance as tracked points tell them";
@@ -127,7 +138,10 @@ impl Table {
         }
         let Some(BesideScores { unsupported, empty }) = step.beside else { return Ok(()) };
         let shares = format!("{unsupported:.3} that no photo supports, {empty:.3} empty");
-        self.line(out, &format!("beside  {name:<5} {shares}, of the pixels beside the training cameras"))
+        self.line(
+            out,
+            &format!("beside  {name:<5} {shares}, of the pixels beside the training cameras"),
+        )
     }
 
     fn end(&self, out: &mut dyn Write, report: &EvalReport) -> Result<()> {
@@ -139,7 +153,8 @@ impl Table {
 /// The line after the means of a step.
 fn remark(step: &StepScore, report: &EvalReport) -> String {
     let samples = report.ssaa;
-    let (count, part) = step.splats.map_or((step.triangles, "triangle"), |splats| (splats, "splat"));
+    let (count, part) =
+        step.splats.map_or((step.triangles, "triangle"), |splats| (splats, "splat"));
     let mut remark = format!("{}, {}", many(step.images.len() as u64, "photo"), many(count, part));
     if let Some(bytes) = step.bytes {
         remark += &format!(", {} bytes", thousands(bytes));
@@ -167,5 +182,8 @@ fn folders(
         Some(folder) => steps.iter().map(|step| folder.join(step)).collect(),
     };
     let names = || views.iter().map(|v| v.name.as_str());
-    folders.iter().map(|folder| Pictures::plan("--save-renders", folder, names(), outputs)).collect()
+    folders
+        .iter()
+        .map(|folder| Pictures::plan("--save-renders", folder, names(), outputs))
+        .collect()
 }

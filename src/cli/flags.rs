@@ -13,7 +13,9 @@ use trisplat_scene::{Error, Limits, Result};
 
 /// The innermost subcommand that was typed.
 pub fn innermost<'a>(command: &'a Command, matches: &ArgMatches) -> &'a Command {
-    let typed = matches.subcommand().and_then(|(name, inner)| Some((command.find_subcommand(name)?, inner)));
+    let typed = matches
+        .subcommand()
+        .and_then(|(name, inner)| Some((command.find_subcommand(name)?, inner)));
     typed.map_or(command, |(command, inner)| innermost(command, inner))
 }
 
@@ -32,7 +34,9 @@ pub fn check_finite(matches: &ArgMatches) -> Result<()> {
 pub fn message(error: &Error, command: &Command) -> String {
     let mut text = error.to_string();
     // Ways out that this command does not have.
-    for (field, way) in [("format", ", or `format`"), ("skip_broken", ", or skip them with `skip_broken`")] {
+    for (field, way) in
+        [("format", ", or `format`"), ("skip_broken", ", or skip them with `skip_broken`")]
+    {
         if typed(command, field).is_none() {
             text = text.replace(way, "");
         }
@@ -127,8 +131,9 @@ impl Sources<'_> {
         limits: &Limits,
         preset: impl Fn(P) -> T,
     ) -> Result<Layered<T>> {
-        let parsed = serde_json::to_value(parsed)
-            .map_err(|error| Error::invalid("options", error, "values JSON can hold (finite numbers)"))?;
+        let parsed = serde_json::to_value(parsed).map_err(|error| {
+            Error::invalid("options", error, "values JSON can hold (finite numbers)")
+        })?;
         let typed = Value::Object(typed_of(&parsed, self.matches)?);
         let layers = Layers::default().settings(self.sets).given(typed);
         match self.config {
@@ -171,7 +176,10 @@ pub fn is_typed(matches: &ArgMatches, name: &str) -> bool {
 // ---- Numbers as people write them: `--max-triangles 10k` is 10000, `1.5M` is 1500000 -----------------
 
 /// The arguments with such numbers written out.
-pub(super) fn written_out(command: &Command, arguments: impl Iterator<Item = OsString>) -> Vec<OsString> {
+pub(super) fn written_out(
+    command: &Command,
+    arguments: impl Iterator<Item = OsString>,
+) -> Vec<OsString> {
     let mut innermost = command;
     let mut out: Vec<OsString> = Vec::new();
     let mut wants_number = false;
@@ -201,7 +209,8 @@ fn counts(commands: [&Command; 2], flag: &str) -> bool {
         long || short
     };
     let argument = commands.iter().find_map(|command| command.get_arguments().find(is));
-    let types = [ValueParser::from(clap::value_parser!(u64)), ValueParser::from(clap::value_parser!(u32))];
+    let types =
+        [ValueParser::from(clap::value_parser!(u64)), ValueParser::from(clap::value_parser!(u32))];
     let types = types.map(|parser| parser.type_id());
     argument.is_some_and(|arg| {
         arg.get_action().takes_values() && types.contains(&arg.get_value_parser().type_id())
@@ -216,11 +225,17 @@ fn plain(text: &str) -> Option<String> {
     };
     let (whole, part) = digits.split_once('.').unwrap_or((digits, ""));
     let decimal = |digits: &str| digits.bytes().all(|b| b.is_ascii_digit());
-    if whole.is_empty() || whole.len() > 12 || part.len() > zeros || !decimal(whole) || !decimal(part) {
+    if whole.is_empty()
+        || whole.len() > 12
+        || part.len() > zeros
+        || !decimal(whole)
+        || !decimal(part)
+    {
         return None;
     }
     let all = format!("{whole}{part:0<zeros$}");
-    Some(all.trim_start_matches('0').to_owned()).map(|n| if n.is_empty() { "0".to_owned() } else { n })
+    Some(all.trim_start_matches('0').to_owned())
+        .map(|n| if n.is_empty() { "0".to_owned() } else { n })
 }
 
 #[cfg(test)]
@@ -239,10 +254,12 @@ mod tests {
             -1,
             "0 or more; see `max_triangles`, `photo` and `trisplat bake`",
         );
-        let wants =
-            "--max-triangles is -1: expected 0 or more; see --max-triangles, `photo` and `trisplat bake`";
+        let wants = "--max-triangles is -1: expected 0 or more; see --max-triangles, `photo` and `trisplat bake`";
         assert_eq!(message(&error, &command()), wants);
-        assert_eq!(message(&Error::invalid("inputs", "-", "a file"), &command()), "IN is -: expected a file");
+        assert_eq!(
+            message(&Error::invalid("inputs", "-", "a file"), &command()),
+            "IN is -: expected a file"
+        );
         assert_eq!(
             message(&Error::invalid("draw.near", 0, "> 0"), &command()),
             "draw.near is 0: expected > 0"
@@ -266,7 +283,8 @@ mod global_tests {
     #[test]
     fn the_help_lists_every_limit() {
         let command = Global::augment_args(clap::Command::new("trisplat"));
-        let help = command.get_arguments().find(|a| a.get_id() == "limit").and_then(|a| a.get_help());
+        let help =
+            command.get_arguments().find(|a| a.get_id() == "limit").and_then(|a| a.get_help());
         let help = help.map(ToString::to_string).unwrap_or_default();
         let keys = serde_json::to_value(Limits::DEFAULT).unwrap();
         for key in keys.as_object().unwrap().keys() {
@@ -296,7 +314,12 @@ mod numbers_tests {
             assert_eq!(plain(text).as_deref(), wants, "{text}");
         }
         let bake = Command::new("bake")
-            .arg(Arg::new("most").long("max-triangles").short('m').value_parser(clap::value_parser!(u64)))
+            .arg(
+                Arg::new("most")
+                    .long("max-triangles")
+                    .short('m')
+                    .value_parser(clap::value_parser!(u64)),
+            )
             .arg(Arg::new("dataset").long("dataset"))
             .arg(Arg::new("output").long("output"));
         let command = Command::new("trisplat").subcommand(bake);
@@ -304,11 +327,17 @@ mod numbers_tests {
             let all = written_out(&command, typed.split(' ').map(OsString::from));
             all.iter().map(|a| a.to_string_lossy().into_owned()).collect::<Vec<_>>().join(" ")
         };
-        assert_eq!(of("trisplat bake 10k --max-triangles 10k"), "trisplat bake 10k --max-triangles 10000");
+        assert_eq!(
+            of("trisplat bake 10k --max-triangles 10k"),
+            "trisplat bake 10k --max-triangles 10000"
+        );
         assert_eq!(
             of("trisplat bake --max-triangles=2M -m 3k"),
             "trisplat bake --max-triangles=2000000 -m 3000"
         );
-        assert_eq!(of("trisplat bake --dataset 10k --output=5k"), "trisplat bake --dataset 10k --output=5k");
+        assert_eq!(
+            of("trisplat bake --dataset 10k --output=5k"),
+            "trisplat bake --dataset 10k --output=5k"
+        );
     }
 }

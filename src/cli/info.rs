@@ -35,7 +35,8 @@ type Row = (&'static str, String);
 pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
     let how = &args.dataset_options;
     let printed = if is_dataset(&args.input) {
-        let description = trisplat_dataset::describe(&Dataset::load(&args.input, how)?, &how.limits)?;
+        let description =
+            trisplat_dataset::describe(&Dataset::load(&args.input, how)?, &how.limits)?;
         if args.json {
             messages::print_json(&description, out)
         } else {
@@ -46,7 +47,8 @@ pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
         if args.json {
             messages::print_json(&info, out)
         } else {
-            let title = format!("{}: {}, {} bytes", info.path, info.format.name(), thousands(info.bytes));
+            let title =
+                format!("{}: {}, {} bytes", info.path, info.format.name(), thousands(info.bytes));
             messages::write(out, &title).and_then(|()| print(scene_rows(&info), out))
         }
     };
@@ -82,11 +84,16 @@ fn scene_rows(info: &Info) -> Vec<Row> {
         ("shell", info.shell, info.shell > 0),
         ("cameras", info.cameras, info.cameras > 0),
     ];
-    rows.extend(counts.into_iter().filter(|(.., is)| *is).map(|(name, count, _)| (name, thousands(count))));
-    let [min, max] = [info.bounds.min, info.bounds.max].map(|p| p.map(|x| format!("{x:.4}")).join(" "));
+    rows.extend(
+        counts.into_iter().filter(|(.., is)| *is).map(|(name, count, _)| (name, thousands(count))),
+    );
+    let [min, max] =
+        [info.bounds.min, info.bounds.max].map(|p| p.map(|x| format!("{x:.4}")).join(" "));
     rows.push(("bounds", format!("{min}  to  {max}")));
     rows.extend(origin_rows(info));
-    let hex = |c: [f32; 3]| c.map(|x| format!("{:02x}", (x.clamp(0.0, 1.0) * 255.0).round() as u8)).concat();
+    let hex = |c: [f32; 3]| {
+        c.map(|x| format!("{:02x}", (x.clamp(0.0, 1.0) * 255.0).round() as u8)).concat()
+    };
     let colors = &info.colors;
     let outside = match colors.outside {
         0 => String::new(),
@@ -118,7 +125,11 @@ fn origin_rows(info: &Info) -> Vec<Row> {
     let up = origin.up.and_then(|up| serde_json::to_value(up).ok());
     let up = up.as_ref().and_then(|up| up.as_str()).unwrap_or("the file does not say");
     let mut rows = vec![("up axis", up.to_owned())];
-    let texts = [("generator", &origin.generator), ("trainer", &origin.trainer), ("source", &origin.source)];
+    let texts = [
+        ("generator", &origin.generator),
+        ("trainer", &origin.trainer),
+        ("source", &origin.source),
+    ];
     rows.extend(texts.into_iter().filter_map(|(name, text)| Some((name, text.clone()?))));
     let placement = &origin.placement;
     if *placement != Placement::IDENTITY {
@@ -128,10 +139,16 @@ fn origin_rows(info: &Info) -> Vec<Row> {
             0.0 => String::new(),
             degrees => format!("rotate {degrees}, "),
         };
-        rows.push(("placed", format!("up {up}, {turned}scale {}, center {x} {y} {z}", placement.scale)));
+        rows.push((
+            "placed",
+            format!("up {up}, {turned}scale {}, center {x} {y} {z}", placement.scale),
+        ));
     }
     if origin.backdrop > 0 {
-        rows.push(("backdrop", format!("the last {}", many(u64::from(origin.backdrop), "triangle"))));
+        rows.push((
+            "backdrop",
+            format!("the last {}", many(u64::from(origin.backdrop), "triangle")),
+        ));
     }
     if let Some(gltf) = &info.gltf {
         let counts = format!(
@@ -141,25 +158,32 @@ fn origin_rows(info: &Info) -> Vec<Row> {
         rows.push(("glTF", counts));
         let lists = [("uses", &gltf.extensions_used), ("requires", &gltf.extensions_required)];
         rows.extend(
-            lists.into_iter().filter(|(_, list)| !list.is_empty()).map(|(name, l)| (name, l.join(" "))),
+            lists
+                .into_iter()
+                .filter(|(_, list)| !list.is_empty())
+                .map(|(name, l)| (name, l.join(" "))),
         );
     }
     rows
 }
 
 fn bake_line(info: &Info) -> String {
-    let Some(bake) = &info.bake else { return "would fail: nothing would be left to draw".to_owned() };
+    let Some(bake) = &info.bake else {
+        return "would fail: nothing would be left to draw".to_owned();
+    };
     let dropped = info.triangles - bake.kept;
     if dropped == 0 {
         return "would keep every triangle".to_owned();
     }
-    let causes: Vec<String> = bake.dropped.iter().map(|(cause, count)| format!("{cause} {count}")).collect();
+    let causes: Vec<String> =
+        bake.dropped.iter().map(|(cause, count)| format!("{cause} {count}")).collect();
     let share = 100.0 * dropped as f64 / info.triangles.max(1) as f64;
     format!("would drop {} ({share:.1}%: {})", many(dropped, "triangle"), causes.join(", "))
 }
 
 fn soft_line(softness: &Softness) -> String {
-    let (psnr, pictures) = (softness.psnr, many(softness.pictures, "picture"));
+    let psnr = softness.psnr;
+    let pictures = many(softness.pictures, "picture");
     format!(
         "its solid triangles match its soft pictures to {psnr:.1} dB ({pictures}); `bake --harden` trains it solid"
     )
@@ -170,10 +194,14 @@ fn dataset_rows(d: &Description) -> Vec<Row> {
     let photos = d.train + d.test;
     rows.push(("photos", format!("{photos}: {} to train on, {} held out", d.train, d.test)));
     for group in d.cameras.iter().take(LISTED) {
-        let ([w, h], [sw, sh]) = (group.size, group.stored);
-        let files = if group.size == group.stored { String::new() } else { format!(" (files {sw}x{sh})") };
-        let ([fx, fy], [cx, cy]) = (group.focal, group.center);
-        let lens = format!("f {fx:.1} {fy:.1}, centre {cx:.1} {cy:.1}, {:.1}° wide", group.field_of_view);
+        let [w, h] = group.size;
+        let [sw, sh] = group.stored;
+        let files =
+            if group.size == group.stored { String::new() } else { format!(" (files {sw}x{sh})") };
+        let [fx, fy] = group.focal;
+        let [cx, cy] = group.center;
+        let lens =
+            format!("f {fx:.1} {fy:.1}, centre {cx:.1} {cy:.1}, {:.1}° wide", group.field_of_view);
         let photos = counted(group.photos, "photo");
         rows.push(("camera", format!("{w}x{h}{files}, {lens}: {photos}")));
     }
@@ -198,10 +226,16 @@ fn dataset_rows(d: &Description) -> Vec<Row> {
         rows.push(("stated", format!("{error:.3} px mean error")));
     }
     if let Some(fit) = d.reprojection {
-        let behind =
-            if fit.behind > 0 { format!(", {} behind the camera", fit.behind) } else { String::new() };
+        let behind = if fit.behind > 0 {
+            format!(", {} behind the camera", fit.behind)
+        } else {
+            String::new()
+        };
         let seen = thousands(fit.observations);
-        rows.push(("measured", format!("{:.3} px mean error over {seen} observations{behind}", fit.mean_px)));
+        rows.push((
+            "measured",
+            format!("{:.3} px mean error over {seen} observations{behind}", fit.mean_px),
+        ));
     }
     if let Some([x, y, z]) = d.origin {
         rows.push(("origin", format!("{x} {y} {z} is subtracted from every position")));
@@ -229,7 +263,8 @@ const SEVERITIES: [(Severity, &str); 3] =
 /// Lists every finding on `out`; an error when any of them is one.
 pub fn validate(args: &ValidateArgs, options: &ReadOptions, out: &mut dyn Write) -> Result<()> {
     let checked = check(&args.input, options)?;
-    let printed = if args.json { messages::print_json(&checked, out) } else { print_findings(&checked, out) };
+    let printed =
+        if args.json { messages::print_json(&checked, out) } else { print_findings(&checked, out) };
     printed.map_err(|e| Error::io("-", e))?;
     match checked.count(Severity::Error) {
         0 => Ok(()),
@@ -243,10 +278,18 @@ pub fn validate(args: &ValidateArgs, options: &ReadOptions, out: &mut dyn Write)
 
 fn print_findings(checked: &Checked, out: &mut dyn Write) -> io::Result<()> {
     for finding in &checked.findings {
-        let name = SEVERITIES.iter().find(|(severity, _)| *severity == finding.severity).map_or("", |s| s.1);
+        let name = SEVERITIES
+            .iter()
+            .find(|(severity, _)| *severity == finding.severity)
+            .map_or("", |s| s.1);
         messages::write(out, &format!("{name:<8} {}: {}", finding.place, finding.what))?;
     }
-    let triangles = checked.triangles.map_or(String::new(), |n| format!(", {}", counted(n, "triangle")));
-    let counts = SEVERITIES.map(|(severity, name)| counted(checked.count(severity) as u64, name)).join(", ");
-    messages::write(out, &format!("{}: {}{triangles}: {counts}", checked.path, checked.format.name()))
+    let triangles =
+        checked.triangles.map_or(String::new(), |n| format!(", {}", counted(n, "triangle")));
+    let counts =
+        SEVERITIES.map(|(severity, name)| counted(checked.count(severity) as u64, name)).join(", ");
+    messages::write(
+        out,
+        &format!("{}: {}{triangles}: {counts}", checked.path, checked.format.name()),
+    )
 }

@@ -9,7 +9,15 @@ use trisplat_scene::Limits;
 /// The options that name outputs: files, and folders for files. A path of any other option is read, so that a new
 /// option cannot be forgotten.
 pub const OUTPUTS: [&str; 10] = [
-    "checkpoint", "folder", "log", "output", "page", "preview", "report", "save_renders", "screenshots",
+    "checkpoint",
+    "folder",
+    "log",
+    "output",
+    "page",
+    "preview",
+    "report",
+    "save_renders",
+    "screenshots",
     "work",
 ];
 /// The option that names what a run goes on from and then replaces: the command guards it itself.

@@ -78,25 +78,36 @@ pub struct MakeArgs {
 }
 
 /// Makes it.
-pub fn run(args: &MakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inputs) -> Result<ExitCode> {
+pub fn run(
+    args: &MakeArgs,
+    matches: &ArgMatches,
+    global: &Global,
+    inputs: &Inputs,
+) -> Result<ExitCode> {
     let page = args.page.clone().unwrap_or_else(|| args.output.with_extension("html"));
     let mut job = MakeJob::new(args.inputs.iter().cloned(), args.output.clone());
     if let Some(work) = &args.work {
         job.work = work.clone();
     }
     let sources = Sources { matches, sets: &[], config: None };
-    job.bake = sources.resolve(&args.bake, &args.dataset_options.limits, BakeOptions::preset)?.options;
+    job.bake =
+        sources.resolve(&args.bake, &args.dataset_options.limits, BakeOptions::preset)?.options;
     textured_by_itself(&mut job.bake, matches, &args.output);
     guard(args, inputs, &page, &job)?;
-    (job.page, job.report) = (Some(page), args.report.clone());
-    (job.capture, job.force, job.anyway) = (args.capture.clone(), args.force, args.anyway);
-    (job.dataset_options, job.backend) = (args.dataset_options.clone(), args.backend_options.clone());
+    job.page = Some(page);
+    job.report = args.report.clone();
+    job.capture = args.capture.clone();
+    job.force = args.force;
+    job.anyway = args.anyway;
+    job.dataset_options = args.dataset_options.clone();
+    job.backend = args.backend_options.clone();
     if let Some(most) = job.bake.prune.max_triangles {
         job.train = TrainOptions { max_triangles: most, ..TrainOptions::default() };
     }
     job.budget = Some(args.budget);
     if let Some(steps) = args.steps {
-        (job.train.steps, job.budget) = (steps, None);
+        job.train.steps = steps;
+        job.budget = None;
     }
 
     let work = job.work.display().to_string();
@@ -161,7 +172,9 @@ fn purpose(file: &Path, done: &MakeDone, args: &MakeArgs) -> &'static str {
         Some(subject) if subject == file => {
             ": the subject alone, for viewers that frame the whole file, and to place it elsewhere"
         }
-        Some(_) if file == args.output => ": everything with its surroundings, to look around from within",
+        Some(_) if file == args.output => {
+            ": everything with its surroundings, to look around from within"
+        }
         _ => "",
     }
 }
@@ -173,13 +186,18 @@ fn verdict(details: &TrainDetails, done: &MakeDone, args: &MakeArgs) -> Vec<Stri
     let Some((psnr, ssim)) = of_file.or_else(of_training) else { return Vec::new() };
     // What fewer than two photos show cannot be known.
     let photos: Vec<(&str, f64)> = match &done.score {
-        _ if !done.judged.is_empty() => done.judged.iter().map(|(name, psnr)| (&name[..], *psnr)).collect(),
-        Some(score) => score.images.iter().map(|photo| (&photo.name[..], photo.score.psnr)).collect(),
+        _ if !done.judged.is_empty() => {
+            done.judged.iter().map(|(name, psnr)| (&name[..], *psnr)).collect()
+        }
+        Some(score) => {
+            score.images.iter().map(|photo| (&photo.name[..], photo.score.psnr)).collect()
+        }
         None => details.held_out.iter().map(|photo| (&photo.name[..], photo.psnr)).collect(),
     };
     // A few photos of what no other shows say little about the scene.
     let half = median(photos.iter().map(|photo| photo.1).collect(), f64::total_cmp).unwrap_or(psnr);
-    let (size, count) = (ShrunkSize::beside(details.photo_size), counted(done.trained_on as u64, "photo"));
+    let size = ShrunkSize::beside(details.photo_size);
+    let count = counted(done.trained_on as u64, "photo");
     let mut lines = vec![format!(
         "{psnr:.1} dB / {ssim:.3} on photos that training did not see{size}: {} for {count}",
         worth(half, done.trained_on)
@@ -229,16 +247,19 @@ fn next(
     let time = match steps {
         Some(steps) => Some(format!("--steps {}", 2 * steps)),
         // Where more steps gain nothing, a part of the budget is left.
-        None => {
-            details.budget.as_ref().is_none_or(spent).then(|| format!("--budget {}", Seconds(2.0 * budget.0)))
-        }
+        None => details
+            .budget
+            .as_ref()
+            .is_none_or(spent)
+            .then(|| format!("--budget {}", Seconds(2.0 * budget.0))),
     };
     let mut worst = photos.to_vec();
     worst.sort_by(|a, b| a.1.total_cmp(&b.1).then_with(|| a.0.cmp(b.0)));
     let worst: Vec<String> =
         worst.iter().take(WORST).map(|(name, psnr)| format!("{name} ({psnr:.1} dB)")).collect();
     let time = time.filter(|_| helps);
-    let photos = (!worst.is_empty()).then(|| format!("more photos of what {} shows", worst.join(" or ")));
+    let photos =
+        (!worst.is_empty()).then(|| format!("more photos of what {} shows", worst.join(" or ")));
     let ways: Vec<String> =
         time.map(|time| format!("more time ({time} --force)")).into_iter().chain(photos).collect();
     (!ways.is_empty()).then(|| format!("next: {}", ways.join(", or ")))
@@ -250,9 +271,9 @@ fn announced(part: MakePart, budget: Seconds) -> Option<String> {
         MakePart::Capture => Some(format!(
             "camera poses are found first; the {budget} of --budget are for training and bake, and begin after that"
         )),
-        MakePart::Train => {
-            Some(format!("of the {budget} of --budget, most are for training and the rest for the bake"))
-        }
+        MakePart::Train => Some(format!(
+            "of the {budget} of --budget, most are for training and the rest for the bake"
+        )),
         MakePart::Subject => Some("the subject alone, as a file of its own".to_owned()),
         MakePart::Bake => None,
     }
@@ -265,19 +286,26 @@ mod tests {
     #[test]
     fn the_verdict_names_what_to_do_next() {
         let photos = [("a.jpg", 26.0), ("b.jpg", 18.0), ("c.jpg", 21.0)];
-        let next = |helps, steps| next(&TrainDetails::default(), &photos, helps, steps, Seconds(90.0));
+        let next =
+            |helps, steps| next(&TrainDetails::default(), &photos, helps, steps, Seconds(90.0));
         let said = next(true, None).unwrap_or_default();
         let wants = "next: more time (--budget 3m --force), or more photos of what b.jpg (18.0 dB) or c.jpg (21.0 dB) shows";
         assert_eq!(said, wants);
         let said = next(true, Some(500)).unwrap_or_default();
         assert!(said.contains("(--steps 1000 --force)"), "{said}");
         let said = next(false, None).unwrap_or_default();
-        assert!(said.starts_with("next: more photos of what b.jpg"), "time did not help before: {said}");
+        assert!(
+            said.starts_with("next: more photos of what b.jpg"),
+            "time did not help before: {said}"
+        );
     }
 
     #[test]
     fn few_photos_are_judged_by_what_few_photos_reach() {
-        assert_eq!([worth(28.0, 100), worth(22.0, 18), worth(22.0, 100)], ["good", "good", "recognisable"]);
+        assert_eq!(
+            [worth(28.0, 100), worth(22.0, 18), worth(22.0, 100)],
+            ["good", "good", "recognisable"]
+        );
         assert_eq!([worth(19.5, 25), worth(18.2, 18)], ["looks right", "recognisable"]);
         assert!(worth(7.1, 5).starts_with("something is wrong"));
     }

@@ -53,7 +53,12 @@ pub struct MeshArgs {
 }
 
 /// Makes the surface and writes it.
-pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global, inputs: &Inputs) -> Result<ExitCode> {
+pub fn run(
+    args: &MeshArgs,
+    matches: &ArgMatches,
+    global: &Global,
+    inputs: &Inputs,
+) -> Result<ExitCode> {
     let clock = Instant::now();
     let sources = Sources { matches, sets: &args.sets, config: None };
     let limits = &args.dataset_options.limits;
@@ -62,11 +67,14 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
     let output = plan(args, options)?;
     let from_photos = is_dataset(&args.input);
     if from_photos && let Some(second) = &args.dataset {
-        let wants =
-            format!("one data set, or a scene before it: {} is a data set already", args.input.display());
+        let wants = format!(
+            "one data set, or a scene before it: {} is a data set already",
+            args.input.display()
+        );
         return Err(Error::invalid("DATASET", second.display(), wants));
     }
-    let has_pictures = from_photos || args.dataset.is_some() || formats::holds_splats(&args.input, limits);
+    let has_pictures =
+        from_photos || args.dataset.is_some() || formats::holds_splats(&args.input, limits);
     options.check_photos(has_pictures)?;
     let mut outputs = Outputs::new(inputs, args.force);
     let files = outputs.start_scene(&output, args.dry_run, args.report.as_deref())?;
@@ -74,10 +82,12 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
     let mut report = Report { dry_run: args.dry_run, ..Report::new("mesh") };
     report.inputs = vec![args.input.display().to_string()];
     report.options = serde_json::to_value(options).unwrap_or_default();
-    let mut job = MeshJob::new(None, photos(args, from_photos, &mut outputs, &mut report)?, options.clone());
+    let mut job =
+        MeshJob::new(None, photos(args, from_photos, &mut outputs, &mut report)?, options.clone());
     job.dataset_options = args.dataset_options.clone();
     if !from_photos {
-        job.scene = Some(formats::read_content(&args.input, &args.dataset_options.read_options(3))?);
+        job.scene =
+            Some(formats::read_content(&args.input, &args.dataset_options.read_options(3))?);
     }
     let mut terminal = Terminal::new(global, flags::command_of::<MeshArgs>("mesh"));
     let Some(asset) = job.run(&mut report, &mut |event| terminal.tell(event))? else {
@@ -97,7 +107,8 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
 /// The files of the output: a surface is one mesh, so formats for whole scenes are refused.
 fn plan(args: &MeshArgs, options: &MeshOptions) -> Result<Output> {
     let format = OutputFormat::of(&args.output)?;
-    if format == OutputFormat::Tiles || format == OutputFormat::Html && !options.texture.is_wanted() {
+    if format == OutputFormat::Tiles || format == OutputFormat::Html && !options.texture.is_wanted()
+    {
         let wants = "a name ending in .ply, .glb, .gltf or .obj";
         return Err(Error::invalid("output", args.output.display(), wants));
     }
@@ -113,7 +124,9 @@ fn photos(
     outputs: &mut Outputs,
     report: &mut Report,
 ) -> Result<Option<Dataset>> {
-    let Some(path) = args.dataset.as_ref().or(from_photos.then_some(&args.input)) else { return Ok(None) };
+    let Some(path) = args.dataset.as_ref().or(from_photos.then_some(&args.input)) else {
+        return Ok(None);
+    };
     let dataset = Dataset::load(path, &args.dataset_options)?;
     outputs.spare_photos(&dataset)?;
     if !from_photos {

@@ -38,7 +38,11 @@ pub fn visible(text: &str) -> Cow<'_, str> {
     let mut shown = String::with_capacity(text.len() + 8);
     for c in text.chars() {
         // Writing to a string does not fail.
-        let _ = if is_hidden(c) { write!(shown, "{}", c.escape_default()) } else { shown.write_char(c) };
+        let _ = if is_hidden(c) {
+            write!(shown, "{}", c.escape_default())
+        } else {
+            shown.write_char(c)
+        };
     }
     Cow::Owned(shown)
 }
@@ -68,7 +72,8 @@ pub(super) fn thousands(number: u64) -> String {
 
 /// The same with a noun: "1 triangle", "1,234 triangles".
 pub(super) fn many(number: u64, noun: &str) -> String {
-    let (text, end) = (thousands(number), if number == 1 { "" } else { "s" });
+    let text = thousands(number);
+    let end = if number == 1 { "" } else { "s" };
     format!("{text} {noun}{end}")
 }
 
@@ -123,7 +128,10 @@ mod tests {
 
     #[test]
     fn the_first_word_is_coloured_and_nothing_else() {
-        assert_eq!(styled("error: a warning: b"), "\u{1b}[1m\u{1b}[31merror:\u{1b}[0m a warning: b");
+        assert_eq!(
+            styled("error: a warning: b"),
+            "\u{1b}[1m\u{1b}[31merror:\u{1b}[0m a warning: b"
+        );
         assert_eq!(styled("warning: a"), "\u{1b}[1m\u{1b}[33mwarning:\u{1b}[0m a");
         assert_eq!(styled("wrote error: x"), "wrote error: x");
     }

@@ -80,7 +80,12 @@ impl<'a> Outputs<'a> {
     }
 
     /// A folder of pictures, made if missing, whose names begin like `begin`; it must not be that of the photos.
-    pub(super) fn plan_pictures(&mut self, option: &'static str, folder: &Path, begin: &str) -> Result<()> {
+    pub(super) fn plan_pictures(
+        &mut self,
+        option: &'static str,
+        folder: &Path,
+        begin: &str,
+    ) -> Result<()> {
         self.check_folder(option, folder, is_camera_file)?;
         let is_one = |name: &str| name.starts_with(begin) && name.ends_with(".png");
         let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
@@ -122,7 +127,8 @@ impl<'a> Outputs<'a> {
     /// Errors: a folder, a path without a folder, a file that is read or written already, an existing file.
     pub(super) fn plan(&mut self, option: &'static str, path: &Path) -> Result<()> {
         let refuse = |wants: String| Err(Error::invalid(option, path.display(), wants));
-        let (meta, id) = (std::fs::metadata(path).ok(), FileId::of(path));
+        let meta = std::fs::metadata(path).ok();
+        let id = FileId::of(path);
         if meta.as_ref().is_some_and(std::fs::Metadata::is_dir) {
             return refuse("a file name; this is a folder".into());
         }
@@ -133,9 +139,12 @@ impl<'a> Outputs<'a> {
         }
         if !is_stream(path) && !folder_of(&resolved(path)).is_dir() {
             let folder = folder_of(&resolved(path)).display().to_string();
-            let folder = if folder.contains(char::is_whitespace) { format!("'{folder}'") } else { folder };
+            let folder =
+                if folder.contains(char::is_whitespace) { format!("'{folder}'") } else { folder };
             let make = if cfg!(windows) { "mkdir" } else { "mkdir -p" };
-            return refuse(format!("a file in a folder that exists; `{make} {folder}` makes this one"));
+            return refuse(format!(
+                "a file in a folder that exists; `{make} {folder}` makes this one"
+            ));
         }
         let replaced = self.replace || self.begun.iter().any(|one| one == path);
         let is_new = !replaced && path.as_os_str() != "-" && !device;
@@ -183,7 +192,11 @@ impl<'a> Outputs<'a> {
     }
 
     /// Writes a report that was claimed.
-    pub(super) fn save_report(&mut self, path: Option<&Path>, report: &impl Serialize) -> Result<()> {
+    pub(super) fn save_report(
+        &mut self,
+        path: Option<&Path>,
+        report: &impl Serialize,
+    ) -> Result<()> {
         path.map_or(Ok(()), |path| messages::save_json(report, self.take(path)?))
     }
 
@@ -202,7 +215,8 @@ impl<'a> Outputs<'a> {
     ///
     /// Errors: one of them is an output.
     pub(super) fn spare_photos(&mut self, dataset: &Dataset) -> Result<()> {
-        let photos = dataset.views.iter().flat_map(|v| std::iter::once(&v.photo.path).chain(&v.photo.mask));
+        let photos =
+            dataset.views.iter().flat_map(|v| std::iter::once(&v.photo.path).chain(&v.photo.mask));
         self.inputs.extend(known(photos.cloned()));
         self.check_inputs()
     }
@@ -213,7 +227,9 @@ impl<'a> Outputs<'a> {
         for (option, folder, in_danger) in &self.folders {
             let id = FileId::of(folder);
             let mut parents: HashMap<&Path, bool> = HashMap::new();
-            for input in self.inputs.values().chain(self.resumed.values()).filter(|path| in_danger(path)) {
+            for input in
+                self.inputs.values().chain(self.resumed.values()).filter(|path| in_danger(path))
+            {
                 let parent = folder_of(input);
                 if !*parents.entry(parent).or_insert_with(|| FileId::of(parent) == id) {
                     continue;
@@ -228,7 +244,9 @@ impl<'a> Outputs<'a> {
 
     fn check_input(&self, Planned { option, path, id, .. }: &Planned) -> Result<()> {
         match self.inputs.contains_key(id) || self.resumed.contains_key(id) {
-            true => Err(Error::invalid(*option, path.display(), "a file that is not also an input")),
+            true => {
+                Err(Error::invalid(*option, path.display(), "a file that is not also an input"))
+            }
             false => Ok(()),
         }
     }
@@ -245,9 +263,11 @@ impl<'a> Outputs<'a> {
 impl Planned {
     fn check_new(&self) -> Result<()> {
         match self.is_new && self.path.exists() {
-            true => {
-                Err(Error::invalid(self.option, self.path.display(), "a new file, or --force to replace it"))
-            }
+            true => Err(Error::invalid(
+                self.option,
+                self.path.display(),
+                "a new file, or --force to replace it",
+            )),
             false => Ok(()),
         }
     }
@@ -260,5 +280,6 @@ fn known(files: impl IntoIterator<Item = PathBuf>) -> HashMap<FileId, PathBuf> {
 }
 
 fn is_stream(path: &Path) -> bool {
-    path.as_os_str() == "-" || std::fs::metadata(path).is_ok_and(|meta| !meta.is_file() && !meta.is_dir())
+    path.as_os_str() == "-"
+        || std::fs::metadata(path).is_ok_and(|meta| !meta.is_file() && !meta.is_dir())
 }

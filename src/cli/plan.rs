@@ -16,13 +16,15 @@ use std::time::{Duration, Instant};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, ReadOptions};
 use trisplat_scale::{
-    Blocks, Expected, Manifest, NAME, PlanOptions, Planner, Task, check, find_coarse, keep_coarse, status,
-    unnamed,
+    Blocks, Expected, Manifest, NAME, PlanOptions, Planner, Task, check, find_coarse, keep_coarse,
+    status, unnamed,
 };
 use trisplat_scene::atomic::AtomicFile;
 use trisplat_scene::report::counted;
 use trisplat_scene::{Error, ImportedScene, Result};
-use trisplat_train::{BackendOptions, PREVIEW, Preview, RunOptions, TrainOptions, TrainRun, checkpoint};
+use trisplat_train::{
+    BackendOptions, PREVIEW, Preview, RunOptions, TrainOptions, TrainRun, checkpoint,
+};
 
 /// What to plan.
 #[derive(Debug, clap::Args)]
@@ -91,7 +93,8 @@ fn make(
     inputs: &Inputs,
 ) -> Result<ExitCode> {
     let sources = Sources { matches, sets: &args.sets, config: args.config.as_deref() };
-    let whole = sources.resolve(&args.options, &args.dataset_options.limits, TrainOptions::preset)?.options;
+    let whole =
+        sources.resolve(&args.options, &args.dataset_options.limits, TrainOptions::preset)?.options;
     whole.validate()?;
     let max_bytes = args.memory.map(|size| size.0);
     check(&args.plan, &whole, max_bytes)?;
@@ -127,11 +130,15 @@ fn make(
     manifest.write(file)?;
     if !global.quiet {
         dataset.warnings.iter().for_each(|warning| messages::print(&format!("warning: {warning}")));
-        let asked =
-            args.plan.blocks.filter(|asked| coarse.is_some() && *asked as usize > manifest.blocks.len());
+        let asked = args
+            .plan
+            .blocks
+            .filter(|asked| coarse.is_some() && *asked as usize > manifest.blocks.len());
         if let Some(asked) = asked {
             let left_out = asked as usize - manifest.blocks.len();
-            messages::print(&format!("note: {left_out} of {asked} blocks are left out: no photo shows them"));
+            messages::print(&format!(
+                "note: {left_out} of {asked} blocks are left out: no photo shows them"
+            ));
         }
         messages::print(&summary(&manifest, city));
     }
@@ -193,7 +200,8 @@ fn train_coarse(
 
 fn summary(manifest: &Manifest, city: &Path) -> String {
     let blocks = &manifest.blocks;
-    let most = |of: &dyn Fn(&Expected) -> f64| blocks.iter().map(|b| of(&b.expected)).fold(0.0, f64::max);
+    let most =
+        |of: &dyn Fn(&Expected) -> f64| blocks.iter().map(|b| of(&b.expected)).fold(0.0, f64::max);
     let photos: usize = blocks.iter().map(|block| block.photos.len()).sum();
     format!(
         "wrote {}: {}, {:.1} of them per photo; a block takes about {:.0} CPU s and {:.1} GB at most, all together {:.0} CPU s",
@@ -209,12 +217,14 @@ fn summary(manifest: &Manifest, city: &Path) -> String {
 /// One row per block, and how many are done.
 fn print_status(args: &PlanArgs, city: &Path, out: &mut dyn Write) -> Result<()> {
     let (manifest, folder) = Manifest::read(city, &args.dataset_options.limits)?;
-    let (mut done, all) = (0, many(manifest.blocks.len() as u64, "block"));
+    let mut done = 0;
+    let all = many(manifest.blocks.len() as u64, "block");
     let mut text = String::from("block  state    photos  steps  expected CPU s\n");
     for (i, block) in manifest.blocks.iter().enumerate() {
         let state = status(&folder, block, i);
         done += usize::from(state == "done");
-        let (photos, steps) = (block.photos.len(), block.steps - block.first_step);
+        let photos = block.photos.len();
+        let steps = block.steps - block.first_step;
         let expected = block.expected.cpu_secs;
         text += &format!("{i:>5}  {state:<7}  {photos:>6}  {steps:>5}  {expected:>14.0}\n");
     }
@@ -248,7 +258,8 @@ pub fn merge(args: &MergeArgs, global: &Global, inputs: &Inputs) -> Result<()> {
     let triangles = blocks.merge_into(&mut scene)?;
     scene.commit()?;
     if !global.quiet {
-        let (triangles, count) = (many(triangles, "triangle"), many(blocks.count() as u64, "block"));
+        let triangles = many(triangles, "triangle");
+        let count = many(blocks.count() as u64, "block");
         messages::print(&format!("wrote {}: {triangles} of {count}", args.output.display()));
     }
     Ok(())
@@ -286,7 +297,8 @@ pub(super) fn train_block(
     let outputs = task.outputs(args.checkpoint_every, preview, args.max_cpu_secs);
     let (run, broken) = task.run(&dataset, outputs)?;
     let run = run.start_at(&args.backend_options)?;
-    let mut bar = Bar::new(global, task.block().steps, run.steps(), args.log.as_deref(), run.curve())?;
+    let mut bar =
+        Bar::new(global, task.block().steps, run.steps(), args.log.as_deref(), run.curve())?;
     bar.begun(run.card.as_deref(), broken.iter().chain(&run.warnings).chain(&dataset.warnings));
     let trained = run.finish(&mut |event| bar.tell(event))?;
     if bar.is_stopped("the block", &trained)? {
@@ -319,6 +331,8 @@ fn guard_block<'a>(
     let mut files = Outputs::new(inputs, args.force || task.checkpoint().is_file());
     files.add_input(&block.plan);
     args.log.as_deref().map_or(Ok(()), |path| files.probe("--log", path))?;
-    args.preview.as_deref().map_or(Ok(()), |folder| files.plan_pictures("--preview", folder, PREVIEW))?;
+    args.preview
+        .as_deref()
+        .map_or(Ok(()), |folder| files.plan_pictures("--preview", folder, PREVIEW))?;
     Ok(files)
 }

@@ -3,8 +3,8 @@
 use super::inputs::Inputs;
 use super::messages::{self, Stdout};
 use super::{
-    Global, bake, capture, eval, flags, info, make, mesh, plan, render, schema, signals, suggestions, train,
-    train_args,
+    Global, bake, capture, eval, flags, info, make, mesh, plan, render, schema, signals,
+    suggestions, train, train_args,
 };
 #[cfg(feature = "view")]
 use super::{train_view, view};
@@ -104,7 +104,8 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
     let limits = cli.global.limits()?;
     start_threads(&cli.global, &limits)?;
     if let Some(options) = dataset_options(&mut cli.command) {
-        (options.limits, options.allow_outside) = (limits, cli.global.allow_outside);
+        options.limits = limits;
+        options.allow_outside = cli.global.allow_outside;
         // Even if a command does not use them.
         options.validate()?;
     }
@@ -117,7 +118,9 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
         Command::Bake(args) => bake::run(args, typed, &cli.global, inputs),
         Command::Mesh(args) => return mesh::run(args, typed, &cli.global, inputs),
         #[cfg(feature = "view")]
-        Command::Train(args) if args.view => return train_view::run(args, typed, &cli.global, inputs),
+        Command::Train(args) if args.view => {
+            return train_view::run(args, typed, &cli.global, inputs);
+        }
         #[cfg(not(feature = "view"))]
         Command::Train(args) if args.view => Err(error("view")),
         Command::Train(args) => return train::run(args, typed, &cli.global, inputs, None),
@@ -131,8 +134,11 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
         Command::View(_) => Err(error("view")),
         Command::Info(args) => info::run(args, out),
         Command::Validate(args) => {
-            let options =
-                ReadOptions { limits, allow_outside: cli.global.allow_outside, ..ReadOptions::default() };
+            let options = ReadOptions {
+                limits,
+                allow_outside: cli.global.allow_outside,
+                ..ReadOptions::default()
+            };
             info::validate(args, &options, out)
         }
         Command::Schema(args) => schema::run(args),
@@ -212,7 +218,9 @@ pub fn error(feature: &str) -> Error {
     Error::invalid(
         "this trisplat",
         format!("built without the feature `{feature}`"),
-        format!("a build with it: cargo install --path . --features {feature}, in the folder of its sources"),
+        format!(
+            "a build with it: cargo install --path . --features {feature}, in the folder of its sources"
+        ),
     )
 }
 
@@ -232,7 +240,9 @@ pub(super) fn report_once() {
             return;
         }
         whole.iter().for_each(|print| print(info));
-        let place = info.location().map_or_else(String::new, |at| format!(" ({}:{})", at.file(), at.line()));
+        let place = info
+            .location()
+            .map_or_else(String::new, |at| format!(" ({}:{})", at.file(), at.line()));
         if std::thread::current().id() == main || rayon::current_thread_index().is_some() {
             *PLACE.lock().unwrap_or_else(PoisonError::into_inner) = Some(place);
         } else {
@@ -250,5 +260,7 @@ pub(super) fn caught<T>(run: impl FnOnce() -> Result<T>) -> Result<T> {
 }
 
 fn fault(message: &str, place: &str) -> String {
-    format!("trisplat has a fault: {message}{place}; please report it with the command and its files")
+    format!(
+        "trisplat has a fault: {message}{place}; please report it with the command and its files"
+    )
 }

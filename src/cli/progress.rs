@@ -203,7 +203,8 @@ fn time_left(elapsed: Duration, fraction: f64) -> Option<String> {
 
 /// Whether a stage gets a line: it changed something, took long, or was requested.
 fn is_told(stage: &StageReport) -> bool {
-    let asked = |why: &String| matches!(stage.name.as_str(), "capture" | "train") || why == "done before";
+    let asked =
+        |why: &String| matches!(stage.name.as_str(), "capture" | "train") || why == "done before";
     stage.seconds >= TRIED_SECS || stage.skipped.as_ref().is_none_or(asked)
 }
 
@@ -212,7 +213,8 @@ fn row(stage: &StageReport) -> String {
     let name = &stage.name;
     if let Some(train) = stage.details_as::<TrainDetails>() {
         let again = stage.skipped.as_ref().map_or(String::new(), |why| format!(" ({why})"));
-        let (triangles, steps) = (many(stage.after.triangles, "triangle"), counted(train.steps, "step"));
+        let triangles = many(stage.after.triangles, "triangle");
+        let steps = counted(train.steps, "step");
         let text = format!("{triangles}, {steps}, {:.0} CPU s{again}", train.cpu_secs);
         return format!("{name:<11}{text:<55} {:>8.2} s", stage.seconds);
     }
@@ -230,7 +232,8 @@ fn row(stage: &StageReport) -> String {
         let text = format!("{} left out of short trainings", counted(evidence.photos, "photo"));
         return format!("{name:<11}{text:<36}{:>8.2} s", stage.seconds);
     }
-    let (before, after) = (stage.before.triangles, stage.after.triangles);
+    let before = stage.before.triangles;
+    let after = stage.after.triangles;
     let drawn = stage.details_as::<TeacherDetails>().filter(|teacher| teacher.pictures.is_some());
     let counts = if let Some(teacher) = drawn {
         pictures(&teacher)
@@ -267,8 +270,8 @@ fn capture_row(stage: &StageReport) -> Option<String> {
         return Some(photos(&details));
     }
     if let Some(FeaturesDetails { program, focal_px }) = stage.details_as() {
-        let focal =
-            focal_px.map_or(String::new(), |f| format!(", focal length {f:.0} px by the photos' notes"));
+        let focal = focal_px
+            .map_or(String::new(), |f| format!(", focal length {f:.0} px by the photos' notes"));
         return Some(format!("{program}{focal}"));
     }
     if let Some(MatchesDetails { how, pairs }) = stage.details_as() {
@@ -304,7 +307,8 @@ fn photos(details: &PhotosDetails) -> String {
 
 fn verdict(details: &VerdictDetails) -> String {
     let error = details.error_px.map_or(String::new(), |error| format!(", {error:.2} px"));
-    let (points, track) = (many(details.points, "point"), details.track_length);
+    let points = many(details.points, "point");
+    let track = details.track_length;
     format!("{}: {points}, each in {track:.1} photos{error}", details.verdict.word())
 }
 
@@ -336,7 +340,8 @@ mod tests {
 
     #[test]
     fn a_backdrop_does_not_look_like_a_scene_that_grew() {
-        let counts = |triangles| trisplat_scene::report::Counts { triangles, vertices: 3 * triangles };
+        let counts =
+            |triangles| trisplat_scene::report::Counts { triangles, vertices: 3 * triangles };
         let backdrop = StageReport {
             before: counts(8954),
             after: counts(11_002),
@@ -348,14 +353,20 @@ mod tests {
 
     #[test]
     fn the_parts_of_a_training_are_rows_that_a_person_understands() {
-        let counts = |triangles| trisplat_scene::report::Counts { triangles, vertices: 3 * triangles };
-        let done = |name: &str| StageReport { skipped: None, ..StageReport::skipped(name, String::new()) };
+        let counts =
+            |triangles| trisplat_scene::report::Counts { triangles, vertices: 3 * triangles };
+        let done =
+            |name: &str| StageReport { skipped: None, ..StageReport::skipped(name, String::new()) };
         let evidence = ExposureEvidence { photos: 1, ..ExposureEvidence::default() };
         let details = trisplat_scene::report::to_json(&evidence);
         let evidence = row(&StageReport { details, ..done(ExposureEvidence::STAGE) });
         assert!(evidence.contains("1 photo left out of short trainings"), "{evidence}");
-        let teacher = row(&StageReport { before: counts(4803), after: counts(15_438), ..done("teacher") });
-        assert!(teacher.contains("a soft scene of 15,438 triangles") && !teacher.contains('%'), "{teacher}");
+        let teacher =
+            row(&StageReport { before: counts(4803), after: counts(15_438), ..done("teacher") });
+        assert!(
+            teacher.contains("a soft scene of 15,438 triangles") && !teacher.contains('%'),
+            "{teacher}"
+        );
     }
 
     #[test]
@@ -368,7 +379,11 @@ mod tests {
             ..TextureDetails::default()
         };
         let details = trisplat_scene::report::to_json(&details);
-        let stage = StageReport { details, skipped: None, ..StageReport::skipped("texture", String::new()) };
+        let stage = StageReport {
+            details,
+            skipped: None,
+            ..StageReport::skipped("texture", String::new())
+        };
         assert!(
             row(&stage).contains("25.0 → 24.8 dB, SSIM 0.700 → 0.750 on held-out photos"),
             "{}",

@@ -32,8 +32,11 @@ pub struct RenderArgs {
 /// Draws all pictures.
 pub fn run(args: &RenderArgs, global: &Global, inputs: &Inputs) -> Result<()> {
     check_folder(&args.output)?;
-    let dataset =
-        args.dataset.as_ref().map(|path| Dataset::load(path, &args.job.dataset_options)).transpose()?;
+    let dataset = args
+        .dataset
+        .as_ref()
+        .map(|path| Dataset::load(path, &args.job.dataset_options))
+        .transpose()?;
     let mut ready = args.job.clone().prepare(dataset.as_ref())?;
     let mut outputs = Outputs::new(inputs, args.force);
     dataset.as_ref().map_or(Ok(()), |dataset| outputs.spare_photos(dataset))?;
@@ -105,7 +108,8 @@ impl Pictures {
 
 /// `photo.jpg` becomes photo.png, or photo.jpg.png if there is a photo.png, too.
 fn file_names<'a>(photos: &'a [&str]) -> impl Iterator<Item = PathBuf> + 'a {
-    let short: Vec<PathBuf> = photos.iter().map(|name| safe_path(name).with_extension("png")).collect();
+    let short: Vec<PathBuf> =
+        photos.iter().map(|name| safe_path(name).with_extension("png")).collect();
     let mut count = std::collections::HashMap::new();
     short.iter().for_each(|name| *count.entry(name.clone()).or_insert(0usize) += 1);
     photos.iter().zip(short).map(move |(photo, short)| match count[&short] {

@@ -7,9 +7,10 @@ use std::path::PathBuf;
 use trisplat_bake::refit::RefitDetails;
 use trisplat_bake::unseen::UnseenDetails;
 use trisplat_bake::{
-    ArrangeDetails, BackdropDetails, BackgroundDetails, BakeOptions, ChunkDetails, ColorDetails, CropDetails,
-    ExposureDetails, LitDetails, LodDetails, OrderDetails, PlaceDetails, PruneDetails, ReshapeDetails,
-    SidesDetails, SolidDetails, TeacherDetails, TextureDetails, TilesDetails, ViewpointDetails, WeldDetails,
+    ArrangeDetails, BackdropDetails, BackgroundDetails, BakeOptions, ChunkDetails, ColorDetails,
+    CropDetails, ExposureDetails, LitDetails, LodDetails, OrderDetails, PlaceDetails, PruneDetails,
+    ReshapeDetails, SidesDetails, SolidDetails, TeacherDetails, TextureDetails, TilesDetails,
+    ViewpointDetails, WeldDetails,
 };
 use trisplat_dataset::Description;
 use trisplat_dataset::capture::{
@@ -91,11 +92,38 @@ fn report_schema() -> schemars::Schema {
     let mut generator = schemars::generate::SchemaSettings::draft2020_12().into_generator();
     macro_rules! schemas { ($($details:ty),*) => { [$(stage_schema::<$details>(&mut generator)),*] } }
     let stages = schemas!(
-        PhotosDetails, FeaturesDetails, MatchesDetails, ModelDetails, VerdictDetails, BackgroundDetails,
-        CropDetails, ArrangeDetails, ExposureEvidence, TeacherDetails, CollisionDetails, SurfaceDetails,
-        TilesDetails, PruneDetails, SolidDetails, ColorDetails, UnseenDetails, ExposureDetails,
-        BackdropDetails, ReshapeDetails, SidesDetails, RefitDetails, TextureDetails, LitDetails, WeldDetails,
-        PlaceDetails, ViewpointDetails, ChunkDetails, OrderDetails, LodDetails, WriteDetails, TrainDetails
+        PhotosDetails,
+        FeaturesDetails,
+        MatchesDetails,
+        ModelDetails,
+        VerdictDetails,
+        BackgroundDetails,
+        CropDetails,
+        ArrangeDetails,
+        ExposureEvidence,
+        TeacherDetails,
+        CollisionDetails,
+        SurfaceDetails,
+        TilesDetails,
+        PruneDetails,
+        SolidDetails,
+        ColorDetails,
+        UnseenDetails,
+        ExposureDetails,
+        BackdropDetails,
+        ReshapeDetails,
+        SidesDetails,
+        RefitDetails,
+        TextureDetails,
+        LitDetails,
+        WeldDetails,
+        PlaceDetails,
+        ViewpointDetails,
+        ChunkDetails,
+        OrderDetails,
+        LodDetails,
+        WriteDetails,
+        TrainDetails
     );
     let mut schema = generator.into_root_schema_for::<Report>();
     if let Some(stage) = schema.pointer_mut("/$defs/StageReport").and_then(|s| s.as_object_mut()) {
@@ -140,7 +168,9 @@ fn write_pages(command: clap::Command, folder: &AtomicFolder) -> Result<()> {
     let page = Man::new(command);
     let mut text = Vec::new();
     let path = folder.place(page.get_filename())?;
-    page.render(&mut text).and_then(|()| std::fs::write(&path, text)).map_err(|e| Error::io(&path, e))
+    page.render(&mut text)
+        .and_then(|()| std::fs::write(&path, text))
+        .map_err(|e| Error::io(&path, e))
 }
 
 /// Which shell.

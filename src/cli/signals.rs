@@ -20,8 +20,9 @@ const EXIT_BASE: i32 = 128;
 pub(super) fn start() {
     use nix::sys::signal::{SigSet, Signal};
     // A program started by nohup, or as a shell's background job, must outlive the terminal.
-    let heeded =
-        [Signal::SIGHUP, Signal::SIGQUIT].into_iter().filter(|signal| !process::ignores(*signal as i32));
+    let heeded = [Signal::SIGHUP, Signal::SIGQUIT]
+        .into_iter()
+        .filter(|signal| !process::ignores(*signal as i32));
     let set: SigSet = [Signal::SIGINT, Signal::SIGTERM].into_iter().chain(heeded).collect();
     if set.thread_block().is_err() {
         return;

@@ -36,7 +36,8 @@ pub(super) fn plausible(mut error: Error) -> Error {
         Some(ContextValue::Strings(texts)) => texts.first().cloned().unwrap_or_default(),
         _ => String::new(),
     };
-    let (typed, suggested) = (text(ContextKind::InvalidArg), text(ContextKind::SuggestedArg));
+    let typed = text(ContextKind::InvalidArg);
+    let suggested = text(ContextKind::SuggestedArg);
     if !suggested.is_empty() && !near(&typed, &suggested) {
         error.remove(ContextKind::SuggestedArg);
     }
@@ -56,11 +57,14 @@ fn command_for(typed: &str) -> Option<String> {
     if path.extension().is_none() && !path.exists() {
         return None;
     }
-    let shown = if typed.contains(char::is_whitespace) { format!("'{typed}'") } else { typed.to_owned() };
+    let shown =
+        if typed.contains(char::is_whitespace) { format!("'{typed}'") } else { typed.to_owned() };
     let makes = path.is_dir() && unzipped_sog(path).is_none() || is_camera_file(path);
     Some(match makes {
         true => format!("a command comes first: trisplat make {shown} -o scene.glb"),
-        false => format!("a command comes first: trisplat bake {shown} -o OUT.glb, or trisplat info {shown}"),
+        false => format!(
+            "a command comes first: trisplat bake {shown} -o OUT.glb, or trisplat info {shown}"
+        ),
     })
 }
 
@@ -76,8 +80,10 @@ fn meant_target(error: &Error) -> Option<String> {
         return None;
     }
     let targets = OutputTarget::value_variants().iter().filter_map(ValueEnum::to_possible_value);
-    let names_it = |help: String| help.split_whitespace().any(|word| letters(word).starts_with(&typed));
-    let mut named = targets.filter(|target| target.get_help().is_some_and(|help| names_it(help.to_string())));
+    let names_it =
+        |help: String| help.split_whitespace().any(|word| letters(word).starts_with(&typed));
+    let mut named =
+        targets.filter(|target| target.get_help().is_some_and(|help| names_it(help.to_string())));
     named.next().map(|target| target.get_name().to_owned())
 }
 
@@ -97,8 +103,10 @@ pub(super) fn with_hint(mut error: Error, words: &[String]) -> Error {
         return error;
     }
     let Some(ContextValue::String(flag)) = error.get(ContextKind::InvalidArg) else { return error };
-    let field = flag.trim_start_matches('-').split('=').next().unwrap_or_default().replace('-', "_");
-    if !words.iter().find_map(|word| options_of(word)).is_some_and(|options| has(&options, &field)) {
+    let field =
+        flag.trim_start_matches('-').split('=').next().unwrap_or_default().replace('-', "_");
+    if !words.iter().find_map(|word| options_of(word)).is_some_and(|options| has(&options, &field))
+    {
         return error;
     }
     let hint = format!("`{field}` is a setting: --set {field}=VALUE");
@@ -156,7 +164,8 @@ const CLAUSE: usize = 24;
 /// `program` with a `-h` of one screen for each command.
 pub(super) fn shorten(program: Command) -> Command {
     SHOWN.iter().fold(program, |program, (name, fields)| {
-        let shown = |arg: &Arg| arg.is_positional() || fields.split(' ').any(|field| arg.get_id() == field);
+        let shown =
+            |arg: &Arg| arg.is_positional() || fields.split(' ').any(|field| arg.get_id() == field);
         let short = |arg: Arg| {
             let hidden = !shown(&arg) || arg.is_hide_short_help_set();
             with_first_clause(arg).hide_short_help(hidden)
@@ -234,7 +243,10 @@ mod short_help_tests {
             let Some(command) = program.find_subcommand(name) else { panic!("no command {name}") };
             let missing = cfg!(not(feature = "view")) && *name == "view";
             for field in fields.split(' ').filter(|_| !missing) {
-                assert!(command.get_arguments().any(|arg| arg.get_id() == field), "{name} has no {field}");
+                assert!(
+                    command.get_arguments().any(|arg| arg.get_id() == field),
+                    "{name} has no {field}"
+                );
             }
         }
     }

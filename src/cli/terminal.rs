@@ -32,8 +32,20 @@ pub(super) struct Terminal<'a> {
 impl<'a> Terminal<'a> {
     /// Spells the fields named in reasons and warnings as the flags of `command`.
     pub(super) fn new(global: &'a Global, command: Command) -> Self {
-        let (drawing, stages, bar) = (None, None, None);
-        Self { global, command, stop: None, captures: false, teachers: 0, trials: 0, drawing, stages, bar }
+        let drawing = None;
+        let stages = None;
+        let bar = None;
+        Self {
+            global,
+            command,
+            stop: None,
+            captures: false,
+            teachers: 0,
+            trials: 0,
+            drawing,
+            stages,
+            bar,
+        }
     }
 
     /// Shows an event; `Break` after a request to stop, where nothing is lost.
@@ -60,7 +72,8 @@ impl<'a> Terminal<'a> {
             }
             Event::Fits { limit, triangles } => {
                 let all = || "all triangles".to_owned();
-                let which = triangles.map_or_else(all, |most| format!("{} triangles", thousands(most)));
+                let which =
+                    triangles.map_or_else(all, |most| format!("{} triangles", thousands(most)));
                 self.stages().line(&format!("baking {which} into {} bytes", thousands(limit)));
             }
         }
@@ -72,7 +85,8 @@ impl<'a> Terminal<'a> {
     pub(super) fn tell_stage(&mut self, event: StageEvent<'_>) -> ControlFlow<()> {
         self.drawing = None;
         if !self.captures {
-            (self.bar, self.stop) = (None, None);
+            self.bar = None;
+            self.stop = None;
         }
         self.stages().tell(event);
         self.flow()
@@ -150,11 +164,14 @@ impl<'a> Terminal<'a> {
     }
 
     fn clear(&mut self) {
-        (self.drawing, self.stages, self.bar) = (None, None, None);
+        self.drawing = None;
+        self.stages = None;
+        self.bar = None;
     }
 
     fn stages(&mut self) -> &mut Progress {
-        let (global, command) = (self.global, &self.command);
+        let global = self.global;
+        let command = &self.command;
         self.stages.get_or_insert_with(|| Progress::new(global).with_flags_of(command.clone()))
     }
 }
@@ -170,7 +187,9 @@ fn exposure(evidence: &ExposureEvidence) -> String {
     );
     let [gain, balance, falloff] = strengths.to_array().map(percent);
     match strengths.is_none() {
-        true => format!("{shown}: photos are taken as they are (`train --set exposure=on` corrects them)"),
+        true => format!(
+            "{shown}: photos are taken as they are (`train --set exposure=on` corrects them)"
+        ),
         false => format!(
             "{shown}: {gain}, {balance} and {falloff} are corrected (`train --set exposure=off` takes photos as they are)"
         ),

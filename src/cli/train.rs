@@ -49,7 +49,8 @@ pub fn run(
     let options = match &point {
         Some(point) => Layered::over(&point.meta.options, point.meta.options.clone()),
         None => {
-            let preset = if args.from.is_some() { TrainOptions::from_scene } else { TrainOptions::preset };
+            let preset =
+                if args.from.is_some() { TrainOptions::from_scene } else { TrainOptions::preset };
             let sources = Sources { matches, sets: &args.sets, config: args.config.as_deref() };
             let options = sources.resolve(&args.options, &args.dataset_options.limits, preset)?;
             options.options.validate()?;
@@ -63,18 +64,28 @@ pub fn run(
     files.spare_photos(&dataset)?;
     let teacher_file = train_args::beside(&args.output);
     let mut job = TrainJob::new(dataset, options.options.clone());
-    (job.dataset_options, job.options, job.from) = (how, options, from);
-    (job.teacher, job.teacher_share) = (args.teacher.teacher.clone(), args.teacher.teacher_share);
+    job.dataset_options = how;
+    job.options = options;
+    job.from = from;
+    job.teacher = args.teacher.teacher.clone();
+    job.teacher_share = args.teacher.teacher_share;
     job.teacher_file = Some(teacher_file.clone());
     job.budget = args.budget.map(Budget::cpu).or_else(|| args.budget_wall.map(Budget::wall));
-    (job.began, job.backend, job.outputs) = (Some(clock), args.backend_options.clone(), outputs);
-    (job.resume, job.force_resume) = (point, args.force_resume);
+    job.began = Some(clock);
+    job.backend = args.backend_options.clone();
+    job.outputs = outputs;
+    job.resume = point;
+    job.force_resume = args.force_resume;
 
     let terminal = Terminal::new(global, flags::command_of::<TrainArgs>("train"));
-    let (written, failed) = (None, None);
-    let mut shown = TrainTerminal { args, terminal, files, teacher_file, watcher, warnings, written, failed };
+    let written = None;
+    let failed = None;
+    let mut shown =
+        TrainTerminal { args, terminal, files, teacher_file, watcher, warnings, written, failed };
     let done = job.run(&mut |event| shown.tell(event));
-    let TrainTerminal { mut terminal, mut files, mut warnings, written, failed, mut watcher, .. } = shown;
+    let TrainTerminal {
+        mut terminal, mut files, mut warnings, written, failed, mut watcher, ..
+    } = shown;
     if let Some(error) = failed {
         return Err(error);
     }
@@ -87,9 +98,12 @@ pub fn run(
         done => done?,
     };
     let TrainDone { trained, mut report, teacher, teacher_share } = done;
-    let Some(mut bar) = terminal.bar.take() else { unreachable!("a training that ended has begun") };
+    let Some(mut bar) = terminal.bar.take() else {
+        unreachable!("a training that ended has begun")
+    };
     drop(terminal);
-    let read = args.from.as_deref().into_iter().chain(teacher.input()).chain(args.dataset.as_deref());
+    let read =
+        args.from.as_deref().into_iter().chain(teacher.input()).chain(args.dataset.as_deref());
     report.inputs = read.map(|path| path.display().to_string()).collect();
     warnings.append(&mut report.warnings);
     report.warnings = warnings;
@@ -153,7 +167,9 @@ impl TrainTerminal<'_, '_> {
                 if let (TrainPart::Scene, Some(watcher)) = (part, &mut self.watcher) {
                     *wants_scene = watcher.wants_scene();
                 }
-                return self.terminal.tell(Event::Train(part, TrainEvent::Step { sample, wants_scene }));
+                return self
+                    .terminal
+                    .tell(Event::Train(part, TrainEvent::Step { sample, wants_scene }));
             }
             event => return self.terminal.tell(event),
         }
@@ -183,7 +199,9 @@ impl TrainTerminal<'_, '_> {
         }
         // What was decided for the user, and how to decide otherwise.
         let asked = self.args.dataset_options.masks;
-        if asked == Masks::Auto && begins.photos.is_some_and(|photos| photos.masks(asked) == Masks::Cut) {
+        if asked == Masks::Auto
+            && begins.photos.is_some_and(|photos| photos.masks(asked) == Masks::Cut)
+        {
             self.terminal.line("masks are silhouettes: nothing is drawn beside the object (--masks ignore draws there what no photo shows)");
         }
         Ok(())
@@ -208,32 +226,44 @@ impl TrainTerminal<'_, '_> {
 /// The end of the program: success, stopped, or an error that names missing outputs beside the scene.
 fn ended(args: &TrainArgs, trained: &Trained, lost: &[String]) -> Result<ExitCode> {
     match lost.is_empty() {
-        true => {
-            Ok(signals::exit_code().filter(|_| trained.stopped).map_or(ExitCode::SUCCESS, ExitCode::from))
-        }
+        true => Ok(signals::exit_code()
+            .filter(|_| trained.stopped)
+            .map_or(ExitCode::SUCCESS, ExitCode::from)),
         false => {
-            let (scene, lost) = (args.output.display(), lost.join("; "));
-            Err(Error::Incomplete(format!("{scene} is written, but not everything beside it: {lost}")))
+            let scene = args.output.display();
+            let lost = lost.join("; ");
+            Err(Error::Incomplete(format!(
+                "{scene} is written, but not everything beside it: {lost}"
+            )))
         }
     }
 }
 
 /// The checkpoint of `--resume`, and the faults of newer ones. Its run keeps its options, because with others
 /// it would be another run.
-fn checkpoint_to_resume(args: &TrainArgs, matches: &ArgMatches) -> Result<(Option<Checkpoint>, Vec<String>)> {
+fn checkpoint_to_resume(
+    args: &TrainArgs,
+    matches: &ArgMatches,
+) -> Result<(Option<Checkpoint>, Vec<String>)> {
     let Some(path) = &args.resume else { return Ok((None, Vec::new())) };
     let (checkpoint, warnings) = match path.is_dir() {
         true => {
             let (newest, checkpoint, broken) = checkpoint::newest(path)?;
-            let broken = broken.iter().map(|error| format!("{error}; resuming from {}", newest.display()));
+            let broken =
+                broken.iter().map(|error| format!("{error}; resuming from {}", newest.display()));
             (checkpoint, broken.collect())
         }
         false => (checkpoint::read(path)?, Vec::new()),
     };
     match train_args::fixed().into_iter().find(|id| flags::is_typed(matches, id)) {
         Some(id) => {
-            let flag = if id == "sets" { "--set".into() } else { format!("--{}", id.replace('_', "-")) };
-            Err(Error::invalid(flag, "given with --resume", "the options of the checkpoint, or a new run"))
+            let flag =
+                if id == "sets" { "--set".into() } else { format!("--{}", id.replace('_', "-")) };
+            Err(Error::invalid(
+                flag,
+                "given with --resume",
+                "the options of the checkpoint, or a new run",
+            ))
         }
         None => Ok((Some(checkpoint), warnings)),
     }
@@ -276,7 +306,8 @@ fn draw(
 
 /// What the run leaves behind.
 fn outputs(args: &TrainArgs) -> RunOptions {
-    let checkpoint = args.checkpoint.clone().unwrap_or_else(|| args.output.with_extension("checkpoint"));
+    let checkpoint =
+        args.checkpoint.clone().unwrap_or_else(|| args.output.with_extension("checkpoint"));
     let pause = Duration::from_secs_f64(args.preview_every);
     RunOptions {
         checkpoint: Some(checkpoint),
@@ -311,14 +342,18 @@ fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &RunOptions) -> Resu
     let goes_on = args.force || args.resume.is_some();
     files.release(goes_on);
     if let Some(path) = &outputs.checkpoint {
-        if let (false, true, Some((_, old))) = (goes_on, args.keep > 1, checkpoint::kept(path).first()) {
+        if let (false, true, Some((_, old))) =
+            (goes_on, args.keep > 1, checkpoint::kept(path).first())
+        {
             let wants = "a name without checkpoints of an earlier run, or --force to replace them";
             return Err(Error::invalid("--checkpoint", old.display(), wants));
         }
         files.probe("--checkpoint", path)?;
     }
     args.log.as_deref().map_or(Ok(()), |path| files.probe("--log", path))?;
-    args.preview.as_deref().map_or(Ok(()), |folder| files.plan_pictures("--preview", folder, PREVIEW))?;
+    args.preview
+        .as_deref()
+        .map_or(Ok(()), |folder| files.plan_pictures("--preview", folder, PREVIEW))?;
     Ok(files)
 }
 
@@ -358,7 +393,10 @@ fn rescued(error: Error, args: &TrainArgs, trained: &Trained) -> Error {
 /// The next command: the bake of the written scene.
 fn next_command(args: &TrainArgs, solid: bool) -> String {
     let quoted = |path: &Path| train_args::quoted(&path.to_string_lossy());
-    let photos = args.dataset.as_deref().map_or(String::new(), |path| format!(" --dataset {}", quoted(path)));
+    let photos = args
+        .dataset
+        .as_deref()
+        .map_or(String::new(), |path| format!(" --dataset {}", quoted(path)));
     let harden = if solid { "" } else { " --harden" };
     let file = quoted(args.output.with_extension("glb").as_path());
     format!("next: trisplat bake {}{photos}{harden} -o {file}", quoted(args.output.as_path()))
@@ -382,11 +420,17 @@ fn written_line(args: &TrainArgs, trained: &Trained) -> String {
         }
         None => String::new(),
     };
-    let (steps, cpu_secs) = (counted(trained.steps, "step"), trained.cpu_secs);
+    let steps = counted(trained.steps, "step");
+    let cpu_secs = trained.cpu_secs;
     format!("wrote {out}: {triangles}, {steps}, {cpu_secs:.1} CPU s{held_out}")
 }
 
-fn summary(args: &TrainArgs, (teacher, share): (&TeacherPlan, Option<f64>), trained: &Trained, bar: &Bar) {
+fn summary(
+    args: &TrainArgs,
+    (teacher, share): (&TeacherPlan, Option<f64>),
+    trained: &Trained,
+    bar: &Bar,
+) {
     bar.line(&next_command(args, is_solid(&trained.soup)));
     if !is_solid(&trained.soup) {
         bar.line(
@@ -400,7 +444,9 @@ fn summary(args: &TrainArgs, (teacher, share): (&TeacherPlan, Option<f64>), trai
         let teacher = match teacher {
             TeacherPlan::Without(_) => String::new(),
             TeacherPlan::Read(path) => format!(" --teacher {}", path.display()),
-            TeacherPlan::Train => format!(" --teacher {}", train_args::beside(&args.output).display()),
+            TeacherPlan::Train => {
+                format!(" --teacher {}", train_args::beside(&args.output).display())
+            }
         };
         let share = share.map_or(String::new(), |share| format!(" --teacher-share {share}"));
         bar.line(&format!(
@@ -419,7 +465,8 @@ fn summary(args: &TrainArgs, (teacher, share): (&TeacherPlan, Option<f64>), trai
             100.0 * verdict.balance
         ));
     }
-    let (all, shell) = (trained.soup.len(), trained.soup.shell_count());
+    let all = trained.soup.len();
+    let shell = trained.soup.shell_count();
     // An empty scene keeps one.
     if all <= shell + 1 && !trained.stopped {
         let steps = counted(trained.steps, "step");

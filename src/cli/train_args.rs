@@ -12,8 +12,21 @@ use trisplat_train::{BackendOptions, TrainOptions};
 
 /// Options that a plan sets for all its blocks.
 const BLOCK_FIXES: [&str; 15] = [
-    "output", "config", "sets", "from", "teacher", "resume", "checkpoint", "keep", "eval_every", "budget",
-    "budget_wall", "preset", "steps", "max_triangles", "seed",
+    "output",
+    "config",
+    "sets",
+    "from",
+    "teacher",
+    "resume",
+    "checkpoint",
+    "keep",
+    "eval_every",
+    "budget",
+    "budget_wall",
+    "preset",
+    "steps",
+    "max_triangles",
+    "seed",
 ];
 
 /// A block of a plan.
@@ -29,10 +42,14 @@ impl FromStr for BlockAddress {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let parts = text.rsplit_once(':').and_then(|(plan, index)| Some((plan, index.parse().ok()?)));
+        let parts =
+            text.rsplit_once(':').and_then(|(plan, index)| Some((plan, index.parse().ok()?)));
         match parts.filter(|(plan, _)| !plan.is_empty()) {
             Some((plan, index)) => Ok(Self { plan: plan.into(), index }),
-            None => Err("expected a plan and the number of a block, as in city/manifest.json:17".to_owned()),
+            None => {
+                Err("expected a plan and the number of a block, as in city/manifest.json:17"
+                    .to_owned())
+            }
         }
     }
 }
@@ -200,10 +217,12 @@ pub(super) fn command(matches: &ArgMatches, args: &TrainArgs, checkpoint: &Path)
     for arg in TrainArgs::augment_args(Command::new("train")).get_arguments() {
         let id = arg.get_id().as_str();
         let kept = !ONCE.contains(&id) && !fixed.iter().any(|name| name == id);
-        let (true, Some(long)) = (kept && super::flags::is_typed(matches, id), arg.get_long()) else {
+        let (true, Some(long)) = (kept && super::flags::is_typed(matches, id), arg.get_long())
+        else {
             continue;
         };
-        let values = matches.get_raw(id).into_iter().flatten().map(|v| quoted(&v.to_string_lossy()));
+        let values =
+            matches.get_raw(id).into_iter().flatten().map(|v| quoted(&v.to_string_lossy()));
         match arg.get_action().takes_values() {
             true => values.for_each(|value| words.push(format!("--{long} {value}"))),
             false => words.push(format!("--{long}")),
@@ -251,13 +270,30 @@ mod tests {
     #[cfg(unix)]
     #[test]
     fn the_command_repeats_what_the_checkpoint_does_not_hold() {
-        assert_eq!(after(&[]), "trisplat train photos --output x.ply --force --resume x.checkpoint");
+        assert_eq!(
+            after(&[]),
+            "trisplat train photos --output x.ply --force --resume x.checkpoint"
+        );
         let typed = [
-            "--steps", "70", "--set", "densify.every=5", "--max-size", "300", "--test-every=4",
+            "--steps",
+            "70",
+            "--set",
+            "densify.every=5",
+            "--max-size",
+            "300",
+            "--test-every=4",
             "--skip-broken",
         ];
-        let more =
-            ["--background", "#ffffff", "--log", "a log.jsonl", "--max-cpu-secs", "3", "--images", "it's"];
+        let more = [
+            "--background",
+            "#ffffff",
+            "--log",
+            "a log.jsonl",
+            "--max-cpu-secs",
+            "3",
+            "--images",
+            "it's",
+        ];
         assert_eq!(
             after(&[&typed[..], &more].concat()),
             "trisplat train photos --output x.ply --log 'a log.jsonl' --max-size 300 --test-every 4 --skip-broken \

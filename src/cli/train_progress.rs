@@ -51,7 +51,10 @@ impl Bar {
         });
         let log = log.map(|path| open_log(path, before)).transpose()?;
         let percent = (lines.verbose && lines.bar.is_none()).then(|| percent(done, steps));
-        let (stop, lost, psnr, rate_from) = (Some(Listener::new()), Vec::new(), None, None);
+        let stop = Some(Listener::new());
+        let lost = Vec::new();
+        let psnr = None;
+        let rate_from = None;
         Ok(Self { lines, log, lost, stop, psnr, steps, percent, rate_from })
     }
 
@@ -82,10 +85,15 @@ impl Bar {
         match &trained.checkpoint {
             _ if !trained.stopped => Ok(false),
             Some(checkpoint) => {
-                self.line(&format!("stopped at {}; the same command continues", checkpoint.display()));
+                self.line(&format!(
+                    "stopped at {}; the same command continues",
+                    checkpoint.display()
+                ));
                 Ok(true)
             }
-            None => Err(Error::Incomplete(format!("{what} was stopped without a checkpoint: {lost}"))),
+            None => {
+                Err(Error::Incomplete(format!("{what} was stopped without a checkpoint: {lost}")))
+            }
         }
     }
 
@@ -139,7 +147,11 @@ impl Bar {
         if let Some(from) = self.rate_from.filter(|_| sample.wall_secs >= RATE_SECS) {
             self.rate_from = None;
             let rate = (sample.step - from) as f64 / sample.wall_secs;
-            let photo = format!("{}, photos {} px wide", many(sample.triangles, "triangle"), sample.width_px);
+            let photo = format!(
+                "{}, photos {} px wide",
+                many(sample.triangles, "triangle"),
+                sample.width_px
+            );
             self.line(&format!("{rate:.1} steps per second at first ({photo})"));
         }
         let triangles = many(sample.triangles, "triangle");

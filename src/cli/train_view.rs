@@ -104,8 +104,10 @@ fn folder(args: &TrainArgs) -> PathBuf {
 /// the window.
 fn loader(args: &TrainArgs, follower: Follower, start: Sender<()>) -> SceneLoader {
     let follower = Arc::new(Mutex::new(follower));
-    let (start, first) = (Mutex::new(Some(start)), follower.clone());
-    let (how, folder) = (args.dataset_options.clone(), folder(args));
+    let start = Mutex::new(Some(start));
+    let first = follower.clone();
+    let how = args.dataset_options.clone();
+    let folder = folder(args);
     let load = move |files: &SceneFiles, progress: &dyn Fn(&str)| {
         let start = start.lock().unwrap_or_else(PoisonError::into_inner).take();
         match start.map(|start| start.send(())) {
@@ -148,7 +150,8 @@ impl Watcher for SceneWatcher {
     }
 
     fn begun(&mut self, dataset: &Dataset) {
-        let (views, origin) = (dataset.views.clone(), dataset.origin);
+        let views = dataset.views.clone();
+        let origin = dataset.origin;
         self.send(WatchMessage::Photos(PosedPhotos { views, origin }));
     }
 
@@ -192,9 +195,9 @@ impl Follower {
     fn first(&mut self) -> Result<WindowScene> {
         match self.receive()? {
             SceneChange::Changed(scene) => Ok(*scene),
-            SceneChange::Final(_) | SceneChange::Gone => {
-                Err(Error::Incomplete("the training ended before there was anything to show".into()))
-            }
+            SceneChange::Final(_) | SceneChange::Gone => Err(Error::Incomplete(
+                "the training ended before there was anything to show".into(),
+            )),
         }
     }
 

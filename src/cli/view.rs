@@ -63,8 +63,10 @@ pub fn run(args: &ViewArgs) -> Result<()> {
         adapter: args.adapter.clone(),
     };
     let files = SceneFiles { file: args.file.clone(), dataset: args.dataset.clone() };
-    let (how, folder) = (args.dataset_options.clone(), args.screenshots.clone());
-    let load = move |files: &SceneFiles, progress: &dyn Fn(&str)| load(files, &how, &folder, progress);
+    let how = args.dataset_options.clone();
+    let folder = args.screenshots.clone();
+    let load =
+        move |files: &SceneFiles, progress: &dyn Fn(&str)| load(files, &how, &folder, progress);
     window::open(options, files, SceneLoader { load: Arc::new(load), follow: None })
 }
 
@@ -124,10 +126,19 @@ pub(super) fn window_scene(
         }));
         SoupSource { renderer, rest: 0.0 }
     });
-    let (file, folder) = (file.to_owned(), folder.to_owned());
+    let file = file.to_owned();
+    let folder = folder.to_owned();
     let save_crop = Arc::new(move |region: &Region| save_crop(&file, &folder, region));
     let asset = Arc::new(asset);
-    Ok(WindowScene { asset, up: Vec3::Y, photos, source, placement: bake_placement, save_crop, status: None })
+    Ok(WindowScene {
+        asset,
+        up: Vec3::Y,
+        photos,
+        source,
+        placement: bake_placement,
+        save_crop,
+        status: None,
+    })
 }
 
 /// Writes the region as a config file of `trisplat bake` and says how to use it.

@@ -23,14 +23,18 @@ const BALL: usize = 3000;
 
 /// Cameras that see all of the ball, and what is around it.
 fn eyes() -> Vec<Camera> {
-    cameras().iter().map(|camera| camera.looking(camera.position() * 1.7, Vec3::ZERO, Vec3::NEG_Y)).collect()
+    cameras()
+        .iter()
+        .map(|camera| camera.looking(camera.position() * 1.7, Vec3::ZERO, Vec3::NEG_Y))
+        .collect()
 }
 
 /// Triangles of one colour far behind the ball, for every camera.
 fn shards(rgb: [f32; 3]) -> Soup {
     let place = |i: u64| {
         let y = 1.0 - 2.0 * (i as f32 + 0.5) / 1000.0;
-        let (angle, radius) = (i as f32 * 2.399_963, (1.0 - y * y).sqrt());
+        let angle = i as f32 * 2.399_963;
+        let radius = (1.0 - y * y).sqrt();
         Vec3::new(radius * angle.cos(), y, radius * angle.sin()) * 8.0
     };
     colored(soup_of((0..1000).map(|i| (random_triangle(i, place(i), 3.0), 0.9, 0.3))), rgb)
@@ -61,7 +65,10 @@ fn faint_ball() -> Soup {
     soup
 }
 
-fn baked(soup: Soup, background: BackgroundFrom) -> (Asset, Option<BackgroundDetails>, Option<String>) {
+fn baked(
+    soup: Soup,
+    background: BackgroundFrom,
+) -> (Asset, Option<BackgroundDetails>, Option<String>) {
     let background = BackgroundOptions { background };
     let scene = ImportedScene { cameras: eyes(), ..ImportedScene::from(soup) };
     let (asset, report) = baked_with(scene, BakeOptions { background, ..BakeOptions::default() });
@@ -85,15 +92,21 @@ fn over(asset: &Asset, object: &Soup, background: [f32; 3]) -> (f64, f64) {
     let [mut own, mut black, mut white] = [background, BLACK, WHITE].map(soft);
     let drawing = SolidRasterOptions { background, samples: 4, ..SolidRasterOptions::default() };
     let color = background.map(|c| (c * 255.0) as u8);
-    let (mut psnr, mut beside, mut shards) = (0.0, 0, 0);
+    let mut psnr = 0.0;
+    let mut beside = 0;
+    let mut shards = 0;
     for camera in between() {
         let solid = SolidRasterizer::new().render(&asset.mesh, &camera, &drawing);
         psnr += metric::psnr(&own.picture(&camera).rgb, &solid.rgb, None) / 15.0;
         // The background shows through where the object is not.
-        let (dark, light) = (black.picture(&camera), white.picture(&camera));
+        let dark = black.picture(&camera);
+        let light = white.picture(&camera);
         let is_empty = |(dark, light): (&[u8; 3], &[u8; 3])| light[0].abs_diff(dark[0]) > 242;
-        for (pixel, _) in
-            solid.rgb.iter().zip(dark.rgb.iter().zip(&light.rgb)).filter(|(_, pair)| is_empty(*pair))
+        for (pixel, _) in solid
+            .rgb
+            .iter()
+            .zip(dark.rgb.iter().zip(&light.rgb))
+            .filter(|(_, pair)| is_empty(*pair))
         {
             beside += 1;
             shards += u32::from((0..3).any(|c| pixel[c].abs_diff(color[c]) > 25));
@@ -110,8 +123,9 @@ fn no_background_can_tell_which_one_an_object_was_trained_on() {
         let found = BackgroundDetails { object: true, color: Some(name.parse().unwrap()) };
         assert_eq!((details, skipped), (Some(found), None));
         let (with_shards, ..) = baked(trained_on(own), BackgroundFrom::Off);
-        let ((psnr, _), (_, shards), (_, before)) =
-            (over(&asset, &object, own), over(&asset, &object, other), over(&with_shards, &object, other));
+        let (psnr, _) = over(&asset, &object, own);
+        let (_, shards) = over(&asset, &object, other);
+        let (_, before) = over(&with_shards, &object, other);
         assert!(psnr > 23.5, "{name}: {psnr:.2} dB");
         assert!(before > 0.5 && shards < 0.1, "{name}: shards {before:.3} before, {shards:.3} now");
     }
@@ -140,8 +154,10 @@ fn hardening_grows_no_shards_of_the_background() {
         let soup = among_shards(faint_ball(), own);
         let [asset, with_shards] =
             [BackgroundFrom::Auto, BackgroundFrom::Off].map(|from| hardened(soup.clone(), from));
-        let ((psnr, _), (psnr_off, _)) = (over(&asset, &object, own), over(&with_shards, &object, own));
-        let ((_, shards), (_, before)) = (over(&asset, &object, other), over(&with_shards, &object, other));
+        let (psnr, _) = over(&asset, &object, own);
+        let (psnr_off, _) = over(&with_shards, &object, own);
+        let (_, shards) = over(&asset, &object, other);
+        let (_, before) = over(&with_shards, &object, other);
         // Training itself removes some: those that stand before a camera that does not show them.
         assert!(before > 0.3 && shards < 0.1, "{name}: shards {before:.3} before, {shards:.3} now");
         assert!(psnr > psnr_off - 0.7, "{name}: {psnr:.2} dB, {psnr_off:.2} dB with shards");

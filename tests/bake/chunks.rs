@@ -27,7 +27,11 @@ fn faces(mesh: &Mesh) -> Vec<FaceBits> {
     let bits = |v: [f32; 3]| v.map(f32::to_bits);
     let face = |f: usize| {
         let opacity = mesh.opacity.get(f).copied().unwrap_or(1.0);
-        (mesh.corners(f).map(|v| bits(v.into())), mesh.corner_colors(f).map(bits), opacity.to_bits())
+        (
+            mesh.corners(f).map(|v| bits(v.into())),
+            mesh.corner_colors(f).map(bits),
+            opacity.to_bits(),
+        )
     };
     let mut all: Vec<_> = (0..mesh.face_count()).map(face).collect();
     all.sort_unstable();
@@ -43,7 +47,8 @@ fn chunks_hold_every_face_once() {
     meshes.push(("connected, with opacity", opaque));
     for (name, mesh) in meshes {
         for limit in [1, 7, 100] {
-            let (before, asset) = (faces(&mesh), chunked(mesh.clone(), limit));
+            let before = faces(&mesh);
+            let asset = chunked(mesh.clone(), limit);
             assert_eq!(faces(&asset.mesh), before, "{name}, limit {limit}");
             let mut next = 0;
             for chunk in &asset.chunks {
@@ -56,7 +61,11 @@ fn chunks_hold_every_face_once() {
             }
             assert_eq!(next as usize, mesh.face_count(), "{name}, limit {limit}");
             let most = mesh.face_count() / (limit as usize / 8).max(1) + 1;
-            assert!(asset.chunks.len() <= most, "{name}, limit {limit}: {} chunks", asset.chunks.len());
+            assert!(
+                asset.chunks.len() <= most,
+                "{name}, limit {limit}: {} chunks",
+                asset.chunks.len()
+            );
         }
     }
 }
@@ -81,7 +90,8 @@ fn a_small_scene_is_one_chunk_and_stays_as_it_is() {
 fn a_chunk_fits_16_bit_indices() {
     let options = ChunkOptions { chunk_triangles: MAX_CHUNK_TRIANGLES + 1 };
     let error =
-        chunk(&mut Asset::default(), &options, FaceOrder::None, &mut ChunkDetails::default()).unwrap_err();
+        chunk(&mut Asset::default(), &options, FaceOrder::None, &mut ChunkDetails::default())
+            .unwrap_err();
     assert!(error.to_string().starts_with("chunk_triangles is 21846"), "{error}");
     const { assert!(3 * MAX_CHUNK_TRIANGLES <= 65_535) };
 }
@@ -95,9 +105,10 @@ fn large_triangles_do_not_bloat_the_chunks_of_small_ones() {
     }
     let asset = chunked(mesh_of(&soup), 500);
     let extent = |chunk: &trisplat_scene::Chunk| {
-        let vertices = (chunk.first..chunk.first + chunk.count).flat_map(|f| asset.mesh.corners(f as usize));
-        let (min, max) =
-            vertices.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), v| (min.min(v), max.max(v)));
+        let vertices =
+            (chunk.first..chunk.first + chunk.count).flat_map(|f| asset.mesh.corners(f as usize));
+        let (min, max) = vertices
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), v| (min.min(v), max.max(v)));
         (max - min).max_element()
     };
     let mut extents: Vec<f32> = asset.chunks.iter().map(extent).collect();

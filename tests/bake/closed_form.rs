@@ -10,9 +10,12 @@ use trisplat_scene::Rng;
 fn window(corners: &[DVec2; 3], p: DVec2, sigma: f64) -> f64 {
     let [a, b, c] = *corners;
     let orientation = (b - a).perp_dot(c - a).signum();
-    let distance = |from: DVec2, to: DVec2| orientation * (to - from).normalize().perp_dot(p - from);
+    let distance =
+        |from: DVec2, to: DVec2| orientation * (to - from).normalize().perp_dot(p - from);
     let nearest = distance(a, b).min(distance(b, c)).min(distance(c, a));
-    let (ab, bc, ca) = (a.distance(b), b.distance(c), c.distance(a));
+    let ab = a.distance(b);
+    let bc = b.distance(c);
+    let ca = c.distance(a);
     let inradius = (b - a).perp_dot(c - a).abs() / (ab + bc + ca);
     (nearest / inradius).clamp(0.0, 1.0).powf(sigma)
 }
@@ -23,9 +26,11 @@ fn flat(corners: [DVec2; 3]) -> [Vec3; 3] {
 
 /// Uniform points in the triangle, and how many.
 fn points(corners: &[DVec2; 3], count: u64) -> impl Iterator<Item = DVec2> {
-    let ([a, b, c], rng) = (*corners, Rng::new(5, "monte carlo", 0));
+    let [a, b, c] = *corners;
+    let rng = Rng::new(5, "monte carlo", 0);
     (0..count).map(move |i| {
-        let (u, v) = (rng.uniform_f64(2 * i), rng.uniform_f64(2 * i + 1));
+        let u = rng.uniform_f64(2 * i);
+        let v = rng.uniform_f64(2 * i + 1);
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
         a + u * (b - a) + v * (c - a)
     })
@@ -60,13 +65,19 @@ fn area_factor_is_the_mean_alpha() {
 #[test]
 fn the_contour_is_where_it_should_be() {
     let corners = [dvec2(0.0, 0.0), dvec2(2.0, 0.3), dvec2(0.4, 1.1)];
-    for (opacity, sigma, contour) in [(1.0, 1.0, 0.5), (0.9, 0.3, 0.5), (0.6, 2.0, 0.25), (1.0, 0.1, 0.9)] {
+    for (opacity, sigma, contour) in
+        [(1.0, 1.0, 0.5), (0.9, 0.3, 0.5), (0.6, 2.0, 0.25), (1.0, 0.1, 0.9)]
+    {
         let factor = contour_factor(opacity, sigma, contour);
         let inner = shrink(&flat(corners), factor).map(|v| v.truncate().as_dvec2());
         for k in 0..3 {
             for along in [0.0, 0.2, 0.5, 0.9] {
-                let value = opacity * window(&corners, inner[k].lerp(inner[(k + 1) % 3], along), sigma);
-                assert!((value - contour).abs() < 1e-5, "sigma {sigma}: {value} on the contour {contour}");
+                let value =
+                    opacity * window(&corners, inner[k].lerp(inner[(k + 1) % 3], along), sigma);
+                assert!(
+                    (value - contour).abs() < 1e-5,
+                    "sigma {sigma}: {value} on the contour {contour}"
+                );
             }
         }
     }

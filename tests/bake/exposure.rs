@@ -51,7 +51,9 @@ fn photos_are_corrected_as_in_the_training_of_the_scene() {
     };
     let skipped = stage(ExposureUse::Auto, None).skipped.unwrap();
     assert!(skipped.contains("trained on photos as they are"), "{skipped}");
-    for (exposure, trained) in [(ExposureUse::Auto, Some([0.5; 3])), (ExposureUse::Shares([0.5; 3]), None)] {
+    for (exposure, trained) in
+        [(ExposureUse::Auto, Some([0.5; 3])), (ExposureUse::Shares([0.5; 3]), None)]
+    {
         let details = stage(exposure, trained).details_as::<ExposureDetails>().unwrap();
         let verdict = details.verdict.unwrap();
         assert!(verdict.strengths.to_array() == [0.5; 3] && verdict.exposure < 0.02, "{verdict:?}");

@@ -14,7 +14,8 @@ use trisplat_scene::{Asset, ImportedScene, Scene};
 fn studio() -> Asset {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups/studio.ply");
     let scene = formats::read(&path, &ReadOptions::default()).expect("a sample");
-    let options = BakeOptions { teacher: trisplat_bake::TeacherOptions::OFF, ..BakeOptions::DEFAULT };
+    let options =
+        BakeOptions { teacher: trisplat_bake::TeacherOptions::OFF, ..BakeOptions::DEFAULT };
     Bake::new(&options).run([scene]).expect("it bakes")
 }
 
@@ -31,7 +32,12 @@ fn a_glb_with_surroundings_has_a_camera_node_that_looks_at_the_subject() {
     let yfov = camera["perspective"]["yfov"].as_f64().expect("a lens");
     assert!((yfov.to_degrees() - viewpoint.fov).abs() < 1e-3);
     let numbers = |key: &str| -> Vec<f32> {
-        node[key].as_array().expect("an array").iter().map(|x| x.as_f64().expect("a number") as f32).collect()
+        node[key]
+            .as_array()
+            .expect("an array")
+            .iter()
+            .map(|x| x.as_f64().expect("a number") as f32)
+            .collect()
     };
     let [eye, turn] = [numbers("translation"), numbers("rotation")];
     let eye = Vec3::from_slice(&eye);
@@ -55,7 +61,8 @@ fn an_orbit_of_any_soup_keeps_the_subject_in_the_picture_and_stays_inside_the_sh
     let room = surroundings.room(target);
     assert!(room.is_finite() && f64::from(room) > viewpoint.radius.unwrap_or(0.0), "{room}");
     let Scene::Soup(soup) = &scene else { panic!("a soup") };
-    let near = |t: &&[Vec3; 3]| t[0].distance(target) < 0.6 * viewpoint.radius.unwrap_or(0.0) as f32;
+    let near =
+        |t: &&[Vec3; 3]| t[0].distance(target) < 0.6 * viewpoint.radius.unwrap_or(0.0) as f32;
     let subject: Vec<Vec3> = soup.vertices.iter().filter(near).map(|t| t[0]).collect();
     assert!(subject.len() > 1000);
     for size in [UVec2::new(960, 720), UVec2::new(390, 844)] {
@@ -64,7 +71,11 @@ fn an_orbit_of_any_soup_keeps_the_subject_in_the_picture_and_stays_inside_the_sh
             let away = camera.position() - target;
             assert!(away.length() < towards(away.normalize()));
             let inside = subject.iter().filter(|p| camera.frames(**p)).count();
-            assert!(inside as f64 > 0.98 * subject.len() as f64, "{inside} of {} {size}", subject.len());
+            assert!(
+                inside as f64 > 0.98 * subject.len() as f64,
+                "{inside} of {} {size}",
+                subject.len()
+            );
         }
     }
 }

@@ -76,11 +76,18 @@ pub(crate) fn finite() -> Vec<(&'static str, Soup)> {
         ("all points", soup_of((0..50).map(|i| ([Vec3::splat(i as f32); 3], 0.9, 0.5)))),
         (
             "all lines",
-            soup_of((0..50).map(|i| ([Vec3::ZERO, Vec3::X, 3.0 * Vec3::X].map(|v| v * i as f32), 0.9, 0.5))),
+            soup_of(
+                (0..50).map(|i| {
+                    ([Vec3::ZERO, Vec3::X, 3.0 * Vec3::X].map(|v| v * i as f32), 0.9, 0.5)
+                }),
+            ),
         ),
         ("slivers", soup_of((0..300).map(|i| (sliver(i), 0.9, 0.5)))),
         ("identical", soup_of((0..3000).map(|_| (RIGHT, 0.9, 0.5)))),
-        ("identical, far from the origin", soup_of((0..3000).map(|_| (RIGHT.map(|v| v + 1e5), 0.9, 0.5)))),
+        (
+            "identical, far from the origin",
+            soup_of((0..3000).map(|_| (RIGHT.map(|v| v + 1e5), 0.9, 0.5))),
+        ),
         ("twins", soup_of((0..600).map(|i| (random_triangle(i / 2, Vec3::ZERO, 1.0), 0.9, 0.5)))),
         (
             "growing along a line",
@@ -96,7 +103,10 @@ pub(crate) fn finite() -> Vec<(&'static str, Soup)> {
         (
             "coplanar",
             soup_of(
-                random(300, 0.2).vertices.into_iter().map(|t| (t.map(|v| v * vec3(1.0, 1.0, 0.0)), 0.9, 0.5)),
+                random(300, 0.2)
+                    .vertices
+                    .into_iter()
+                    .map(|t| (t.map(|v| v * vec3(1.0, 1.0, 0.0)), 0.9, 0.5)),
             ),
         ),
         ("far shell", soup_of(shell)),
@@ -136,11 +146,14 @@ pub(crate) fn mesh_of(soup: &Soup) -> Mesh {
 pub(crate) fn grid(side: u32) -> Mesh {
     let row = side + 1;
     let at = |x: u32, y: u32| y * row + x;
-    let quad = |x, y| [at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
+    let quad =
+        |x, y| [at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
     let place = |v: u32| vec3((v % row) as f32, (v / row) as f32, 0.0);
     Mesh {
         positions: (0..row * row).map(place).collect(),
-        colors: Colors::Vertex((0..row * row).map(|v| [v as f32 / (row * row) as f32, 0.5, 1.0]).collect()),
+        colors: Colors::Vertex(
+            (0..row * row).map(|v| [v as f32 / (row * row) as f32, 0.5, 1.0]).collect(),
+        ),
         indices: (0..side * side).flat_map(|q| quad(q % side, q / side)).collect(),
         opacity: Vec::new(),
         ..Mesh::default()

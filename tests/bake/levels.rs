@@ -4,7 +4,8 @@ use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::ops::ControlFlow::{self, Continue};
 use std::path::Path;
 use trisplat_bake::{
-    Bake, BakeOptions, BakePreset, Decimation, LodDetails, LodOptions, LodRanking, SAMPLES, visible_px,
+    Bake, BakeOptions, BakePreset, Decimation, LodDetails, LodOptions, LodRanking, SAMPLES,
+    visible_px,
 };
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
@@ -53,7 +54,11 @@ fn loaded(cameras: Vec<Camera>) -> ImportedScene {
     }
 }
 
-fn baked(cameras: Vec<Camera>, shares: &[f64], change: impl Fn(&mut BakeOptions)) -> (Asset, Report) {
+fn baked(
+    cameras: Vec<Camera>,
+    shares: &[f64],
+    change: impl Fn(&mut BakeOptions),
+) -> (Asset, Report) {
     let mut options = BakeOptions::preset(BakePreset::Fast);
     options.lod = LodOptions { lod: shares.to_vec() };
     change(&mut options);
@@ -64,18 +69,22 @@ fn baked(cameras: Vec<Camera>, shares: &[f64], change: impl Fn(&mut BakeOptions)
 
 /// Corners of every face, as bits that can be looked up.
 fn faces(mesh: &Mesh) -> Vec<[[u32; 3]; 3]> {
-    (0..mesh.face_count()).map(|f| mesh.corners(f).map(|v| v.to_array().map(f32::to_bits))).collect()
+    (0..mesh.face_count())
+        .map(|f| mesh.corners(f).map(|v| v.to_array().map(f32::to_bits)))
+        .collect()
 }
 
 /// Share of the samples at which nothing is, or only what had been hidden.
 fn holes(mesh: &Mesh) -> f64 {
-    let (mut holes, mut all) = (0, 0);
+    let mut holes = 0;
+    let mut all = 0;
     for camera in cameras() {
         let options = SolidRasterOptions::default();
         let whole = SolidRasterizer::new().visibility(&wall(), &camera, &options).face.clone();
         let mut solid = SolidRasterizer::new();
         let seen = solid.visibility(mesh, &camera, &options);
-        for (now, before) in seen.face.iter().zip(&whole).filter(|(_, before)| **before != NO_FACE) {
+        for (now, before) in seen.face.iter().zip(&whole).filter(|(_, before)| **before != NO_FACE)
+        {
             let hidden = |f: u32| mesh.corners(f as usize)[0].z > 0.25;
             holes += usize::from(*now == NO_FACE || (*before < 512 && hidden(*now)));
             all += 1;
@@ -86,12 +95,14 @@ fn holes(mesh: &Mesh) -> f64 {
 
 #[test]
 fn every_prefix_of_the_order_is_a_level() {
-    let (mesh, cameras) = (wall(), cameras());
-    let visible_area = visible_px(&mesh, &cameras, SAMPLES, StageProgress::new(&mut |_| Continue(())));
+    let mesh = wall();
+    let cameras = cameras();
+    let visible_area =
+        visible_px(&mesh, &cameras, SAMPLES, StageProgress::new(&mut |_| Continue(())));
     let visible: Vec<u32> = (0..512).collect();
     let ranked = |fewest: usize| {
-        let (mut decimation, mut nobody) =
-            (Decimation::new(&mesh, &cameras), |_: StageEvent<'_>| Continue(()));
+        let mut decimation = Decimation::new(&mesh, &cameras);
+        let mut nobody = |_: StageEvent<'_>| Continue(());
         let progress = StageProgress::new(&mut nobody);
         decimation.rank_by_importance(&visible_area, &visible, fewest, progress)
     };
@@ -103,7 +114,8 @@ fn every_prefix_of_the_order_is_a_level() {
     assert_eq!(serial.install(|| ranked(60)), order);
     // Stopping earlier changes nothing above: one order serves all levels.
     let above = ranked(300);
-    let set = |order: &[u32]| order[..362].iter().copied().collect::<std::collections::BTreeSet<u32>>();
+    let set =
+        |order: &[u32]| order[..362].iter().copied().collect::<std::collections::BTreeSet<u32>>();
     assert_eq!(set(&above), set(&order));
 }
 
@@ -113,7 +125,9 @@ fn a_budget_keeps_the_shell_whole() {
     let baked = |max_triangles: Option<u64>| {
         let mut options = BakeOptions::preset(BakePreset::Default);
         options.prune.max_triangles = max_triangles;
-        Bake::new(&options).run([trisplat_formats::read(&sample, &Default::default()).unwrap()]).unwrap()
+        Bake::new(&options)
+            .run([trisplat_formats::read(&sample, &Default::default()).unwrap()])
+            .unwrap()
     };
     let whole = baked(None);
     let shell = trisplat_formats::read(&sample, &Default::default()).unwrap().scene.shell_count();
@@ -126,7 +140,12 @@ fn a_budget_keeps_the_shell_whole() {
     let area = |asset: &Asset| {
         (asset.scene_faces()..asset.mesh.face_count()).map(|f| asset.mesh.area(f)).sum::<f64>()
     };
-    assert!((area(&fewer) / area(&whole) - 1.0).abs() < 1e-5, "{} of {}", area(&fewer), area(&whole));
+    assert!(
+        (area(&fewer) / area(&whole) - 1.0).abs() < 1e-5,
+        "{} of {}",
+        area(&fewer),
+        area(&whole)
+    );
 }
 
 #[test]
@@ -145,7 +164,10 @@ fn finer_levels_hold_the_triangles_of_coarser_ones() {
             finer = these;
         }
         let details = report.details::<LodDetails>().unwrap();
-        assert_eq!(details.ordered_by, if has_cameras { LodRanking::Importance } else { LodRanking::Size });
+        assert_eq!(
+            details.ordered_by,
+            if has_cameras { LodRanking::Importance } else { LodRanking::Size }
+        );
         assert_eq!(details.levels[2].triangles, counts[2] as u64);
     }
 }
@@ -155,7 +177,8 @@ fn kept_triangles_cover_for_dropped_ones() {
     for (cameras, most) in [(cameras(), 0.45), (Vec::new(), 0.8)] {
         let open = baked(cameras.clone(), &[0.5], |o| o.unseen.enlarge = false).0;
         let closed = baked(cameras, &[0.5], |_| ()).0;
-        let (open, closed) = (holes(&open.levels[0].mesh), holes(&closed.levels[0].mesh));
+        let open = holes(&open.levels[0].mesh);
+        let closed = holes(&closed.levels[0].mesh);
         assert!(open > 0.2, "{open} of the wall are missing");
         assert!(closed < most * open, "{closed} of the wall are missing, {open} without enlarging");
     }
@@ -164,7 +187,9 @@ fn kept_triangles_cover_for_dropped_ones() {
 #[test]
 fn levels_are_placed_like_the_scene() {
     let (asset, _) = baked(cameras(), &[0.3], |o| {
-        (o.place.center, o.place.scale, o.unseen.enlarge) = (true, 3.0, false);
+        o.place.center = true;
+        o.place.scale = 3.0;
+        o.unseen.enlarge = false;
     });
     let scene = faces(&asset.mesh);
     assert!(faces(&asset.levels[0].mesh).iter().all(|face| scene.contains(face)));
@@ -189,7 +214,9 @@ fn long_stages_say_how_far_they_have_come() {
     let mut observer = |event: StageEvent<'_>| {
         match event {
             StageEvent::Started(name) => fractions.push((name.to_owned(), Vec::new())),
-            StageEvent::Progressed(fraction) => fractions.last_mut().expect("a stage").1.push(fraction),
+            StageEvent::Progressed(fraction) => {
+                fractions.last_mut().expect("a stage").1.push(fraction)
+            }
             _ => {}
         }
         Continue(())
@@ -206,11 +233,12 @@ fn long_stages_say_how_far_they_have_come() {
 
 #[test]
 fn corners_move_alike_on_any_number_of_threads() {
-    let (mesh, cameras) = (wall(), cameras());
+    let mesh = wall();
+    let cameras = cameras();
     let kept: Vec<u32> = (0..512).step_by(3).collect();
     let moved = || {
-        let (mut decimation, mut nobody) =
-            (Decimation::new(&mesh, &cameras), |_: StageEvent<'_>| Continue(()));
+        let mut decimation = Decimation::new(&mesh, &cameras);
+        let mut nobody = |_: StageEvent<'_>| Continue(());
         decimation.move_corners(&kept, StageProgress::new(&mut nobody))
     };
     let serial = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
@@ -221,7 +249,10 @@ fn corners_move_alike_on_any_number_of_threads() {
     let mut after = mesh.clone();
     moves.apply(&mut after);
     let changed = |f: usize| after.corners(f) != mesh.corners(f);
-    assert!((0..1024).filter(|f| changed(*f)).all(|f| kept.contains(&(f as u32))), "only those that stay");
+    assert!(
+        (0..1024).filter(|f| changed(*f)).all(|f| kept.contains(&(f as u32))),
+        "only those that stay"
+    );
 }
 
 #[test]

@@ -23,7 +23,8 @@ fn scattered(count: usize) -> Mesh {
         let normal = (radial + 0.5 * jitter).normalize();
         let right = normal.any_orthonormal_vector();
         let up = normal.cross(right);
-        let corners = [right, -0.5 * right + 0.8 * up, -0.5 * right - 0.8 * up].map(|v| radial + 0.09 * v);
+        let corners =
+            [right, -0.5 * right + 0.8 * up, -0.5 * right - 0.8 * up].map(|v| radial + 0.09 * v);
         if i.is_multiple_of(3) { [corners[0], corners[2], corners[1]] } else { corners }
     };
     let positions = (0..count).flat_map(triangle).collect();
@@ -49,7 +50,8 @@ fn around() -> Vec<Camera> {
 
 /// Runs the stage; the angles between normals and the ball's own, degrees, in order.
 fn angles(how: Lit, cameras: &[Camera], surface: Option<&Mesh>) -> (Mesh, LitDetails, Vec<f32>) {
-    let (mut mesh, mut details) = (scattered(4000), LitDetails::default());
+    let mut mesh = scattered(4000);
+    let mut details = LitDetails::default();
     let outcome = lit(&mut mesh, cameras, surface, &LitOptions { lit: how }, &mut details).unwrap();
     assert_eq!(outcome, Outcome::Changed(()));
     let angle = |f: usize| mesh.normals[f].angle_between(mesh.centroid(f)).to_degrees();
@@ -116,13 +118,20 @@ fn without_cameras_the_winding_says_what_the_front_is() {
 
 #[test]
 fn it_is_done_once_and_when_it_is_asked_for() {
-    let (mut mesh, mut details) = (scattered(100), LitDetails::default());
+    let mut mesh = scattered(100);
+    let mut details = LitDetails::default();
     let off = lit(&mut mesh, &around(), None, &LitOptions::DEFAULT, &mut details).unwrap();
-    assert!(matches!(off, Outcome::Skipped(why) if why.contains("not asked for")) && mesh.normals.is_empty());
+    assert!(
+        matches!(off, Outcome::Skipped(why) if why.contains("not asked for"))
+            && mesh.normals.is_empty()
+    );
     let on = LitOptions { lit: Lit::Smooth };
     assert_eq!(lit(&mut mesh, &around(), None, &on, &mut details).unwrap(), Outcome::Changed(()));
     let before = mesh.clone();
-    assert!(matches!(lit(&mut mesh, &around(), None, &on, &mut details).unwrap(), Outcome::Skipped(_)));
+    assert!(matches!(
+        lit(&mut mesh, &around(), None, &on, &mut details).unwrap(),
+        Outcome::Skipped(_)
+    ));
     assert_eq!(mesh, before);
 }
 
@@ -134,7 +143,9 @@ fn baked(how: Lit, welded: bool) -> Asset {
         mesh.indices = (0..9000).collect();
     }
     let mut options = BakeOptions::default();
-    (options.lit.lit, options.chunk.chunk_triangles, options.place.rotate) = (how, 700, 30.0);
+    options.lit.lit = how;
+    options.chunk.chunk_triangles = 700;
+    options.place.rotate = 30.0;
     bake(ImportedScene { cameras: around(), ..ImportedScene::from(mesh) }, &options).unwrap()
 }
 
@@ -142,7 +153,8 @@ fn baked(how: Lit, welded: bool) -> Asset {
 fn normals_of(path: &Path) -> Vec<(Vec3, Vec3)> {
     // The crate knows no quantised positions and refuses files that require them.
     let bytes = std::fs::read(path).unwrap();
-    let document = gltf::Gltf::from_slice_without_validation(&bytes).unwrap_or_else(|e| panic!("{e}"));
+    let document =
+        gltf::Gltf::from_slice_without_validation(&bytes).unwrap_or_else(|e| panic!("{e}"));
     let blob = document.blob.as_deref().unwrap();
     let mut all = Vec::new();
     for node in document.nodes() {
@@ -156,7 +168,9 @@ fn normals_of(path: &Path) -> Vec<(Vec3, Vec3)> {
             let bytes = &blob[view.offset()..];
             let stride = view.stride().unwrap_or(normals.size());
             let normal = |i: usize| match normals.size() {
-                12 => Vec3::from(bytemuck::pod_read_unaligned::<[f32; 3]>(&bytes[i * stride..][..12])),
+                12 => {
+                    Vec3::from(bytemuck::pod_read_unaligned::<[f32; 3]>(&bytes[i * stride..][..12]))
+                }
                 3 => Vec3::from([0, 1, 2].map(|k| f32::from(bytes[i * stride + k] as i8) / 127.0)),
                 size => panic!("normals of {size} bytes"),
             };
@@ -165,9 +179,12 @@ fn normals_of(path: &Path) -> Vec<(Vec3, Vec3)> {
             let bytes = &blob[view.offset()..];
             let stride = view.stride().unwrap_or(positions.size());
             let position = |i: usize| match positions.size() {
-                12 => Vec3::from(bytemuck::pod_read_unaligned::<[f32; 3]>(&bytes[i * stride..][..12])),
+                12 => {
+                    Vec3::from(bytemuck::pod_read_unaligned::<[f32; 3]>(&bytes[i * stride..][..12]))
+                }
                 _ => Vec3::from(
-                    bytemuck::pod_read_unaligned::<[u16; 3]>(&bytes[i * stride..][..6]).map(f32::from),
+                    bytemuck::pod_read_unaligned::<[u16; 3]>(&bytes[i * stride..][..6])
+                        .map(f32::from),
                 ),
             };
             all.extend((0..normals.count()).map(|i| {
@@ -188,7 +205,8 @@ fn node_scale(node: &gltf::Node<'_>) -> [[f64; 3]; 3] {
 fn normals_arrive_in_glb_as_floats_and_as_bytes_beside_positions_on_a_grid() {
     let folder = tempfile::tempdir().unwrap();
     // Blender's small files are quantised without meshopt, so the `gltf` crate reads them.
-    for (target, compress, degrees) in [(OutputTarget::Gltf, false, 0.05), (OutputTarget::Blender, true, 1.0)]
+    for (target, compress, degrees) in
+        [(OutputTarget::Gltf, false, 0.05), (OutputTarget::Blender, true, 1.0)]
     {
         for welded in [false, true] {
             let path = folder.path().join("ball.glb");
@@ -199,7 +217,8 @@ fn normals_arrive_in_glb_as_floats_and_as_bytes_beside_positions_on_a_grid() {
             let mesh = &asset.mesh;
             assert_eq!(stored.len(), mesh.vertex_count());
             let at = |i: usize| if mesh.indices.is_empty() { i / 3 } else { i };
-            let wanted = if mesh.indices.is_empty() { mesh.normals.clone() } else { mesh.vertex_normals() };
+            let wanted =
+                if mesh.indices.is_empty() { mesh.normals.clone() } else { mesh.vertex_normals() };
             if mesh.indices.is_empty() {
                 for (i, (position, normal)) in stored.iter().enumerate() {
                     assert!(position.distance(mesh.positions[i]) < 1e-3, "{i}: {position}");
@@ -207,8 +226,13 @@ fn normals_arrive_in_glb_as_floats_and_as_bytes_beside_positions_on_a_grid() {
                     assert!(off < degrees, "{target:?}: normal {i} is {off} degrees off");
                 }
             }
-            let outward = stored.iter().filter(|(position, normal)| position.dot(*normal) > 0.8).count();
-            assert!(outward > stored.len() * 98 / 100, "{outward} of {} point outward", stored.len());
+            let outward =
+                stored.iter().filter(|(position, normal)| position.dot(*normal) > 0.8).count();
+            assert!(
+                outward > stored.len() * 98 / 100,
+                "{outward} of {} point outward",
+                stored.len()
+            );
         }
     }
 }
@@ -217,11 +241,18 @@ fn normals_arrive_in_glb_as_floats_and_as_bytes_beside_positions_on_a_grid() {
 fn an_unlit_file_holds_no_normals_and_a_lit_one_costs_what_they_take() {
     let folder = tempfile::tempdir().unwrap();
     let bytes = |asset: &Asset, name: &str, options: &OutputOptions| {
-        write(asset, &folder.path().join(name), options).unwrap().files.iter().map(|f| f.bytes).sum::<u64>()
+        write(asset, &folder.path().join(name), options)
+            .unwrap()
+            .files
+            .iter()
+            .map(|f| f.bytes)
+            .sum::<u64>()
     };
-    let (plain, lit) = (baked(Lit::Off, false), baked(Lit::Smooth, false));
+    let plain = baked(Lit::Off, false);
+    let lit = baked(Lit::Smooth, false);
     let count = plain.mesh.face_count() as u64;
-    let small = OutputOptions { target: OutputTarget::Blender, compress: true, ..OutputOptions::DEFAULT };
+    let small =
+        OutputOptions { target: OutputTarget::Blender, compress: true, ..OutputOptions::DEFAULT };
     // Documents differ by an accessor, a view and an attribute for each chunk.
     for (options, per_face) in [(OutputOptions::DEFAULT, 36), (small, 12)] {
         let more = bytes(&lit, "a.glb", &options) - bytes(&plain, "b.glb", &options);
@@ -239,7 +270,9 @@ fn obj_and_ply_hold_normals_too_and_all_are_read_back() {
     for name in ["a.glb", "a.obj", "a.ply"] {
         let path = folder.path().join(name);
         write(&asset, &path, &OutputOptions::DEFAULT).unwrap();
-        let Scene::Mesh(back) = read(&path, &ReadOptions::default()).unwrap().scene else { panic!("a soup") };
+        let Scene::Mesh(back) = read(&path, &ReadOptions::default()).unwrap().scene else {
+            panic!("a soup")
+        };
         assert_eq!(
             (back.face_count(), back.positions.len()),
             (asset.mesh.face_count(), asset.mesh.positions.len())
@@ -250,7 +283,9 @@ fn obj_and_ply_hold_normals_too_and_all_are_read_back() {
     let normals: Vec<Vec3> = obj
         .lines()
         .filter_map(|line| line.strip_prefix("vn "))
-        .map(|line| Vec3::from_slice(&line.split(' ').map(|x| x.parse().unwrap()).collect::<Vec<f32>>()))
+        .map(|line| {
+            Vec3::from_slice(&line.split(' ').map(|x| x.parse().unwrap()).collect::<Vec<f32>>())
+        })
         .collect();
     assert_eq!(normals, asset.mesh.normals);
     assert!(obj.contains("\nf 1//1 2//1 3//1\n"));
@@ -258,7 +293,9 @@ fn obj_and_ply_hold_normals_too_and_all_are_read_back() {
     assert!(material.contains("illum 1"), "{material}");
     let ply = std::fs::read(folder.path().join("a.ply")).unwrap();
     let header = ply.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
-    assert!(String::from_utf8_lossy(&ply[..header]).contains("property float z\nproperty float nx\n"));
+    assert!(
+        String::from_utf8_lossy(&ply[..header]).contains("property float z\nproperty float nx\n")
+    );
     let first: [f32; 6] = bytemuck::pod_read_unaligned(&ply[header..header + 24]);
     assert_eq!(Vec3::from_slice(&first[3..]), asset.mesh.normals[0]);
 }

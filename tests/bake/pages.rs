@@ -9,9 +9,12 @@ use trisplat_formats::{
     gltf::{GltfOptions, TextureFormat, to_glb_bytes},
 };
 use trisplat_raster::solid::SolidRasterizer;
-use trisplat_scene::{Asset, Chunk, ImportedScene, Scene, UpAxis, UpDirection, math::metric, mesh::Mesh};
+use trisplat_scene::{
+    Asset, Chunk, ImportedScene, Scene, UpAxis, UpDirection, math::metric, mesh::Mesh,
+};
 
-const EXACT: OutputOptions = OutputOptions { texture_format: TextureFormat::Png, ..OutputOptions::DEFAULT };
+const EXACT: OutputOptions =
+    OutputOptions { texture_format: TextureFormat::Png, ..OutputOptions::DEFAULT };
 
 fn pages(mesh: &Mesh) -> usize {
     mesh.texture.as_ref().map_or(0, |texture| texture.pages.len())
@@ -76,7 +79,9 @@ fn upright() -> BakeOptions {
 fn tiles(folder: &Path) -> Vec<Mesh> {
     let mut found: Vec<Mesh> = std::fs::read_dir(folder.join("wall.tiles"))
         .unwrap()
-        .map(|entry| mesh_of(formats::read(&entry.unwrap().path(), &ReadOptions::default()).unwrap()))
+        .map(|entry| {
+            mesh_of(formats::read(&entry.unwrap().path(), &ReadOptions::default()).unwrap())
+        })
         .collect();
     found.sort_by_key(|mesh| std::cmp::Reverse(mesh.face_count()));
     found
@@ -110,7 +115,12 @@ fn tiles_have_pages_of_their_own() {
         assert!(finest.len() >= 4 && tiles.iter().all(|tile| pages(tile) == 1), "{}", finest.len());
         let mut whole = Mesh::default();
         for tile in finest.iter().filter(|tile| texels(tile) > 0) {
-            assert!(texels(tile) < texels(&asset.mesh) / 2, "{} {}", texels(tile), texels(&asset.mesh));
+            assert!(
+                texels(tile) < texels(&asset.mesh) / 2,
+                "{} {}",
+                texels(tile),
+                texels(&asset.mesh)
+            );
             whole.append((*tile).clone()).unwrap();
         }
         assert!(whole.texture.is_some());
@@ -155,7 +165,8 @@ fn a_textured_scene_and_a_coloured_one_keep_both() {
     shared.indices = (0..shared.positions.len() as u32).collect();
     let parts = [textured_wall, flat, smooth, shared];
     let merged =
-        merge(parts.iter().map(|part| ImportedScene::from(Scene::Mesh(part.clone()))).collect()).unwrap();
+        merge(parts.iter().map(|part| ImportedScene::from(Scene::Mesh(part.clone()))).collect())
+            .unwrap();
     assert_eq!(merged.warnings.len(), 3, "{:?}", merged.warnings);
     let merged = mesh_of(merged);
     merged.validate().unwrap();

@@ -8,13 +8,15 @@ use trisplat_scene::{Asset, Hit, Provenance, Rng, Scene, mesh::Mesh};
 
 /// The nearest hit by looking at every face; the plane equation and three edge tests, unlike the library.
 fn brute_force(mesh: &Mesh, origin: Vec3, direction: Vec3) -> Option<Hit> {
-    let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
+    let origin = origin.as_dvec3();
+    let direction = direction.as_dvec3();
     let mut best: Option<Hit> = None;
     for face in 0..mesh.face_count() {
         let [a, b, c] = mesh.corners(face).map(|v| v.as_dvec3());
         let normal = (b - a).cross(c - a);
         let t = normal.dot(a - origin) / normal.dot(direction);
-        let (p, distance) = (origin + t * direction, t * direction.length());
+        let p = origin + t * direction;
+        let distance = t * direction.length();
         let left = |from: DVec3, to: DVec3| (to - from).cross(p - from).dot(normal) >= 0.0;
         if t >= 0.0
             && t.is_finite()
@@ -37,7 +39,8 @@ fn compare(name: &str, asset: &Asset, rays: u64) -> usize {
         .iter()
         .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
     let margin = 0.1 * (max.as_dvec3() - min.as_dvec3()).max_element();
-    let (min, max) = (min.as_dvec3() - margin, max.as_dvec3() + margin);
+    let min = min.as_dvec3() - margin;
+    let max = max.as_dvec3() + margin;
     let rng = Rng::new(17, "test rays", 0);
     let mut hits = 0;
     for i in 0..rays {
@@ -51,14 +54,17 @@ fn compare(name: &str, asset: &Asset, rays: u64) -> usize {
             0 => [Vec3::X, -Vec3::Y, Vec3::Z][(i / 4 % 3) as usize],
             1 => (point(1) - origin.as_dvec3()).as_vec3(),
             _ => {
-                let corners = mesh.corners((rng.bits(12 * i + 9) % mesh.face_count() as u64) as usize);
-                (corners.iter().map(|v| v.as_dvec3() / 3.0).sum::<DVec3>() - origin.as_dvec3()).as_vec3()
+                let corners =
+                    mesh.corners((rng.bits(12 * i + 9) % mesh.face_count() as u64) as usize);
+                (corners.iter().map(|v| v.as_dvec3() / 3.0).sum::<DVec3>() - origin.as_dvec3())
+                    .as_vec3()
             }
         };
         if direction == Vec3::ZERO || !direction.is_finite() {
             continue;
         }
-        let (got, wants) = (asset.raycast(origin, direction), brute_force(mesh, origin, direction));
+        let got = asset.raycast(origin, direction);
+        let wants = brute_force(mesh, origin, direction);
         match (got, wants) {
             (None, None) => {}
             (Some(got), Some(wants)) => {
@@ -68,7 +74,9 @@ fn compare(name: &str, asset: &Asset, rays: u64) -> usize {
                     "{name}, ray {i}: {got:?}, expected {wants:?}"
                 );
             }
-            _ => panic!("{name}, ray {i} from {origin} along {direction}: {got:?}, expected {wants:?}"),
+            _ => panic!(
+                "{name}, ray {i} from {origin} along {direction}: {got:?}, expected {wants:?}"
+            ),
         }
     }
     hits
@@ -107,9 +115,13 @@ fn rays_from_far_away_hit_what_brute_force_hits() {
             let middle = asset.mesh.corners(face).iter().sum::<Vec3>() / 3.0;
             let origin = middle + away * vec3(0.6, 0.0, 0.8);
             let direction = middle - origin;
-            let (got, wants) =
-                (asset.raycast(origin, direction), brute_force(&asset.mesh, origin, direction));
-            assert_eq!(got.is_some(), wants.is_some(), "{away}, face {face}: {got:?}, expected {wants:?}");
+            let got = asset.raycast(origin, direction);
+            let wants = brute_force(&asset.mesh, origin, direction);
+            assert_eq!(
+                got.is_some(),
+                wants.is_some(),
+                "{away}, face {face}: {got:?}, expected {wants:?}"
+            );
         }
     }
 }
@@ -117,7 +129,8 @@ fn rays_from_far_away_hit_what_brute_force_hits() {
 #[test]
 fn rays_that_make_no_sense_hit_nothing() {
     let asset = Asset::from(mesh_of(&random(100, 0.5)));
-    for (origin, direction) in [(Vec3::NAN, Vec3::X), (Vec3::ZERO, Vec3::ZERO), (Vec3::ZERO, Vec3::INFINITY)]
+    for (origin, direction) in
+        [(Vec3::NAN, Vec3::X), (Vec3::ZERO, Vec3::ZERO), (Vec3::ZERO, Vec3::INFINITY)]
     {
         assert_eq!(asset.raycast(origin, direction), None);
     }
@@ -137,7 +150,8 @@ fn of_equal_distances_the_first_face_is_hit() {
 
 #[test]
 fn neither_backdrop_nor_damaged_faces_are_hit() {
-    let (origin, direction) = (vec3(0.25, 0.25, 0.0), Vec3::Z);
+    let origin = vec3(0.25, 0.25, 0.0);
+    let direction = Vec3::Z;
     let mut asset = equal(2);
     asset.mesh.positions[0].z = f32::NAN;
     assert_eq!(asset.raycast(origin, direction).map(|hit| hit.face), Some(1));

@@ -4,7 +4,8 @@ use super::teacher::{baked_with, ball, cameras, psnr, skipped, soft};
 use glam::Vec3;
 use std::ops::ControlFlow::Continue;
 use trisplat_bake::{
-    BakeOptions, BakePreset, ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, Views, reshape,
+    BakeOptions, BakePreset, ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, Views,
+    reshape,
 };
 use trisplat_raster::{
     soft::SoftOptions,
@@ -42,12 +43,17 @@ fn opaque() -> Mesh {
 }
 
 /// The stage alone.
-fn reshaped(mesh: &mut Mesh, is_soft: bool, options: &ReshapeOptions) -> (Outcome<()>, ReshapeDetails) {
+fn reshaped(
+    mesh: &mut Mesh,
+    is_soft: bool,
+    options: &ReshapeOptions,
+) -> (Outcome<()>, ReshapeDetails) {
     let mut details = ReshapeDetails::default();
     let mut nobody = |_: StageEvent<'_>| Continue(());
     let mut progress = StageProgress::new(&mut nobody);
     let traits = SceneTraits { is_soft, is_closed: false };
-    let outcome = reshape(mesh, Some(&mut pictures()), traits, options, &mut details, &mut progress);
+    let outcome =
+        reshape(mesh, Some(&mut pictures()), traits, options, &mut details, &mut progress);
     (outcome.unwrap(), details)
 }
 
@@ -56,7 +62,8 @@ fn fitted_triangles_come_closer_to_pictures_they_were_not_fitted_to() {
     let (without, report) = baked_with(soft(cameras()), options(ReshapeOptions::OFF));
     assert_eq!(skipped(&report, "reshape"), Some("`reshape` off"));
     let (with, report) = baked_with(soft(cameras()), options(ReshapeOptions::DEFAULT));
-    let (before, after) = (psnr(&without), psnr(&with));
+    let before = psnr(&without);
+    let after = psnr(&with);
     assert!(after > before + 0.5, "{before:.2} dB, fitted {after:.2} dB");
     assert!(with.mesh.face_count() <= without.mesh.face_count());
     let details: ReshapeDetails = report.details().unwrap();
@@ -71,21 +78,35 @@ fn fitted_triangles_come_closer_to_pictures_they_were_not_fitted_to() {
 #[test]
 fn a_closed_scene_stays_closed() {
     // A box around the ball and the cameras, in a colour that the pictures do not have: they are black there.
-    let corner = |i: usize| Vec3::from([i & 1, i >> 1 & 1, i >> 2 & 1].map(|b| 9.0 * (2.0 * b as f32 - 1.0)));
-    let sides = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+    let corner = |i: usize| {
+        Vec3::from([i & 1, i >> 1 & 1, i >> 2 & 1].map(|b| 9.0 * (2.0 * b as f32 - 1.0)))
+    };
+    let sides =
+        [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
     let shell = sides.iter().flat_map(|[a, b, c, d]| [a, b, c, a, c, d].map(|i| corner(*i)));
     let soup = ball();
-    let mut mesh =
-        Mesh { positions: shell.chain(soup.vertices.into_iter().flatten()).collect(), ..Mesh::default() };
+    let mut mesh = Mesh {
+        positions: shell.chain(soup.vertices.into_iter().flatten()).collect(),
+        ..Mesh::default()
+    };
     mesh.colors = Colors::Face(vec![[0.5; 3]; mesh.face_count()]);
     let eyes = cameras();
-    let black = eyes.iter().map(|camera| Image::filled(camera.size, [0.0; 3]).to_pixels()).collect();
+    let black =
+        eyes.iter().map(|camera| Image::filled(camera.size, [0.0; 3]).to_pixels()).collect();
     let mut views = Views::drawn(eyes.clone(), black);
-    let (mut details, mut nobody) = (ReshapeDetails::default(), |_: StageEvent<'_>| Continue(()));
+    let mut details = ReshapeDetails::default();
+    let mut nobody = |_: StageEvent<'_>| Continue(());
     let traits = SceneTraits { is_soft: true, is_closed: true };
     let mut progress = StageProgress::new(&mut nobody);
-    reshape(&mut mesh, Some(&mut views), traits, &ReshapeOptions::DEFAULT, &mut details, &mut progress)
-        .unwrap();
+    reshape(
+        &mut mesh,
+        Some(&mut views),
+        traits,
+        &ReshapeOptions::DEFAULT,
+        &mut details,
+        &mut progress,
+    )
+    .unwrap();
     let drawing = SolidRasterOptions::default();
     for camera in eyes {
         let seen = SolidRasterizer::new().visibility(&mesh, &camera, &drawing).face.clone();
@@ -131,12 +152,14 @@ fn solid_scenes_and_shared_vertices_are_left_alone() {
 #[test]
 fn no_rounds_are_refused_with_the_remedy() {
     let options = ReshapeOptions { reshape_rounds: 0, ..ReshapeOptions::DEFAULT };
-    let (mut mesh, mut details, mut nobody) =
-        (opaque(), ReshapeDetails::default(), |_: StageEvent<'_>| Continue(()));
+    let mut mesh = opaque();
+    let mut details = ReshapeDetails::default();
+    let mut nobody = |_: StageEvent<'_>| Continue(());
     let mut progress = StageProgress::new(&mut nobody);
-    let error = reshape(&mut mesh, None, SceneTraits::default(), &options, &mut details, &mut progress)
-        .unwrap_err()
-        .to_string();
+    let error =
+        reshape(&mut mesh, None, SceneTraits::default(), &options, &mut details, &mut progress)
+            .unwrap_err()
+            .to_string();
     assert!(error.starts_with("reshape_rounds ") && error.contains("`reshape` off"), "{error}");
 }
 

@@ -4,9 +4,9 @@
 use super::hostile;
 use std::ops::ControlFlow::Continue;
 use trisplat_bake::{
-    ChunkOptions, ColorDetails, Evidence, FaceOrder, FinishedLevel, LevelSource, LodOptions, OrderOptions,
-    PlaceOptions, PruneDetails, PruneOptions, SolidOptions, Solidify, TilesOptions, WeldOptions, WeldWhen,
-    chunk, color, lod, order, place, placement, prune, solid, tiles, weld,
+    ChunkOptions, ColorDetails, Evidence, FaceOrder, FinishedLevel, LevelSource, LodOptions,
+    OrderOptions, PlaceOptions, PruneDetails, PruneOptions, SolidOptions, Solidify, TilesOptions,
+    WeldOptions, WeldWhen, chunk, color, lod, order, place, placement, prune, solid, tiles, weld,
 };
 use trisplat_scene::{
     Asset, Error, Provenance, Result, Scene, Soup,
@@ -53,7 +53,11 @@ fn presets() -> Vec<Preset> {
         Preset { name: "small", prune: PruneOptions::SMALL, ..default.clone() },
         Preset { name: "contour", ..with(Solidify::Contour, FaceOrder::None) },
         Preset { name: "area, small chunks, curve", ..with(Solidify::Area, FaceOrder::Spatial) },
-        Preset { name: "one chunk", chunk: ChunkOptions::FAST, ..with(Solidify::None, FaceOrder::Spatial) },
+        Preset {
+            name: "one chunk",
+            chunk: ChunkOptions::FAST,
+            ..with(Solidify::None, FaceOrder::Spatial)
+        },
         Preset {
             name: "keep all",
             prune: PruneOptions { min_opacity: 0.0, max_sigma: 0.0, ..PruneOptions::DEFAULT },
@@ -85,7 +89,14 @@ fn levels(mesh: &Mesh, what: &str) -> Result<Vec<Asset>> {
     };
     let mut levels = Vec::new();
     let run = |levels: &mut Vec<Asset>, details: &mut _| {
-        lod(levels, &source, &options, unfinished, details, &mut StageProgress::new(&mut |_| Continue(())))
+        lod(
+            levels,
+            &source,
+            &options,
+            unfinished,
+            details,
+            &mut StageProgress::new(&mut |_| Continue(())),
+        )
     };
     twice(run, &mut levels, what)?;
     Ok(levels)
@@ -119,12 +130,17 @@ fn bake(mut soup: Soup, preset: &Preset, what: &str) -> Result<Asset> {
     mesh.validate().unwrap_or_else(|e| panic!("{what}, weld: {e}"));
     let mut provenance = Provenance::default();
     let turn_up = |mesh: &mut Mesh, details: &mut _| {
-        let how = placement(mesh, &provenance, Evidence::default(), &PlaceOptions::DEFAULT, details);
+        let how =
+            placement(mesh, &provenance, Evidence::default(), &PlaceOptions::DEFAULT, details);
         place(mesh, &mut provenance, how, details)
     };
     twice(turn_up, &mut mesh, &format!("{what}, place"))?;
     let mut asset = Asset { mesh, provenance, ..Asset::default() };
-    twice(|a, d| chunk(a, &preset.chunk, preset.order.order, d), &mut asset, &format!("{what}, chunk"))?;
+    twice(
+        |a, d| chunk(a, &preset.chunk, preset.order.order, d),
+        &mut asset,
+        &format!("{what}, chunk"),
+    )?;
     twice(|a, d| order(a, &preset.order, d), &mut asset, &format!("{what}, order"))?;
     asset.mesh.validate().unwrap_or_else(|e| panic!("{what}, order: {e}"));
     cut(asset.clone(), levels, what)?;
@@ -141,7 +157,9 @@ fn every_stage_survives_every_soup_with_every_preset() {
                 Err(Error::Invalid { .. }) => continue,
                 pruned => pruned.unwrap_or_else(|e| panic!("{what}: {e}")),
             }
-            let Scene::Soup(soup) = scene else { panic!("{what}: prune turned a soup into a mesh") };
+            let Scene::Soup(soup) = scene else {
+                panic!("{what}: prune turned a soup into a mesh")
+            };
             soup.validate().unwrap_or_else(|e| panic!("{what}, prune: {e}"));
             match bake(soup, &preset, &what) {
                 Ok(_) | Err(Error::Invalid { .. }) => {}
@@ -169,8 +187,10 @@ fn every_stage_survives_soups_that_were_not_pruned() {
 #[test]
 fn the_default_preset_bakes_whatever_can_be_drawn() {
     for (name, soup) in hostile::finite().into_iter().chain(hostile::poison()) {
-        let outcome = prune(&mut Scene::Soup(soup), &PruneOptions::DEFAULT, &mut PruneDetails::default());
-        let refused = ["empty", "all points", "all lines", "1e38", "invisible", "softest"].contains(&name);
+        let outcome =
+            prune(&mut Scene::Soup(soup), &PruneOptions::DEFAULT, &mut PruneDetails::default());
+        let refused =
+            ["empty", "all points", "all lines", "1e38", "invisible", "softest"].contains(&name);
         assert_eq!(outcome.is_err(), refused, "{name}: {outcome:?}");
     }
 }
@@ -190,7 +210,9 @@ fn any_number_of_threads_gives_the_same_bits() {
                 bake(soup, &preset, preset.name).unwrap()
             })
         };
-        let (one, two, seven) = (with_threads(1), with_threads(2), with_threads(7));
+        let one = with_threads(1);
+        let two = with_threads(2);
+        let seven = with_threads(7);
         for other in [two, seven] {
             assert!(one.mesh == other.mesh, "preset {}: meshes differ", preset.name);
             assert!(one.chunks == other.chunks, "preset {}: chunks differ", preset.name);

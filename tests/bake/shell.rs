@@ -15,7 +15,8 @@ use trisplat_scene::{
 
 /// Eight huge triangles around the origin.
 fn octahedron() -> Soup {
-    let corner = |axis: Vec3, bit: usize, i: usize| axis * if i >> bit & 1 == 0 { 3.0 } else { -3.0 };
+    let corner =
+        |axis: Vec3, bit: usize, i: usize| axis * if i >> bit & 1 == 0 { 3.0 } else { -3.0 };
     let face = |i| [corner(Vec3::X, 0, i), corner(Vec3::Y, 1, i), corner(Vec3::Z, 2, i)];
     let mut shell = soup_of((0..8).map(|i| (face(i), 0.98, 0.02)));
     shell.set_shell(0..8);
@@ -69,7 +70,8 @@ fn a_shell_of_a_scene_without_backdrop_is_part_of_it() {
 fn a_closed_far_shell_of_any_soup_is_the_backdrop() {
     // The dome of the sample, which no flag names.
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups/studio.ply");
-    let studio = || trisplat_formats::read(&path, &trisplat_formats::ReadOptions::default()).unwrap();
+    let studio =
+        || trisplat_formats::read(&path, &trisplat_formats::ReadOptions::default()).unwrap();
     let bake = |when| {
         let mut options = BakeOptions::preset(BakePreset::Fast);
         options.backdrop.backdrop = when;
@@ -81,10 +83,14 @@ fn a_closed_far_shell_of_any_soup_is_the_backdrop() {
     assert_eq!(asset.provenance.backdrop, 2048);
     let far = |face: usize| asset.mesh.centroid(face).length();
     let reach = (0..behind).map(far).fold(0.0, f32::max);
-    assert!((behind..asset.mesh.face_count()).all(|face| far(face) > reach), "what stands before it stays");
+    assert!(
+        (behind..asset.mesh.face_count()).all(|face| far(face) > reach),
+        "what stands before it stays"
+    );
     // One lies edge-on to the origin, which is not the middle of the dome.
-    let inward =
-        |face: &usize| asset.mesh.flat_normal(*face).dot(asset.mesh.centroid(*face)) < 0.01 * far(*face);
+    let inward = |face: &usize| {
+        asset.mesh.flat_normal(*face).dot(asset.mesh.centroid(*face)) < 0.01 * far(*face)
+    };
     assert!((behind..asset.mesh.face_count()).all(|face| inward(&face)), "fronts are inside");
     assert_eq!(bake(BackdropWhen::Off).provenance.backdrop, 0);
     // Of two inputs each has its own, wherever they stand.
@@ -108,15 +114,22 @@ fn gems() -> Mesh {
         least + 60.0 * rng.uniform(face as u64)
     };
     let colors = (0..faces.len()).map(|face| [linear_from_srgb(code(face) / 255.0); 3]).collect();
-    let positions = faces.iter().flat_map(|face| face.map(|i| 20.0 * corners[i as usize])).collect();
-    Mesh { positions, colors: Colors::Face(colors), shell: vec![true; faces.len()], ..Mesh::default() }
+    let positions =
+        faces.iter().flat_map(|face| face.map(|i| 20.0 * corners[i as usize])).collect();
+    Mesh {
+        positions,
+        colors: Colors::Face(colors),
+        shell: vec![true; faces.len()],
+        ..Mesh::default()
+    }
 }
 
 /// `copies` of the triangles of the photos, each a little turned, in the dome.
 fn in_dome(copies: usize) -> Mesh {
     let mut all = Mesh { colors: Colors::Face(Vec::new()), ..Mesh::default() };
     for copy in 0..copies {
-        let (turn, mut part) = (Mat3::from_rotation_y(0.1 * copy as f32), photos::grey(&photos::scene()));
+        let turn = Mat3::from_rotation_y(0.1 * copy as f32);
+        let mut part = photos::grey(&photos::scene());
         part.positions.iter_mut().for_each(|place| *place = turn * *place);
         all.append(part).unwrap();
     }
@@ -127,9 +140,14 @@ fn in_dome(copies: usize) -> Mesh {
 fn baked_dome(copies: usize, photos: Option<&Dataset>, when: BackdropWhen) -> Asset {
     // Photos of surroundings whose colour changes all around are no photos of different white balance.
     let exposure = BakeOptions::preset(BakePreset::Fast).exposure;
-    let mut options =
-        BakeOptions { force_dataset: true, reshape: ReshapeOptions::OFF, exposure, ..BakeOptions::DEFAULT };
-    (options.backdrop.backdrop, options.place.up) = (when, "y".parse().unwrap());
+    let mut options = BakeOptions {
+        force_dataset: true,
+        reshape: ReshapeOptions::OFF,
+        exposure,
+        ..BakeOptions::DEFAULT
+    };
+    options.backdrop.backdrop = when;
+    options.place.up = "y".parse().unwrap();
     let mut views = photos.map(photos::views);
     let scene = ImportedScene::from(Scene::Mesh(in_dome(copies)));
     Bake::new(&options).photos(views.as_mut()).run([scene]).unwrap()
@@ -137,24 +155,38 @@ fn baked_dome(copies: usize, photos: Option<&Dataset>, when: BackdropWhen) -> As
 
 /// A turn from beside the scene: the largest step between neighbouring pixels of the dome, codes, and the pixels that show nothing.
 fn largest_step(mesh: &Mesh) -> (u8, usize) {
-    let (size, center) = (UVec2::new(160, 120), Vec2::new(80.0, 60.0));
-    let lens =
-        Camera { rotation: Mat3::IDENTITY, translation: Vec3::ZERO, focal: Vec2::splat(70.0), center, size };
-    let (mut step, mut open) = (0, 0);
+    let size = UVec2::new(160, 120);
+    let center = Vec2::new(80.0, 60.0);
+    let lens = Camera {
+        rotation: Mat3::IDENTITY,
+        translation: Vec3::ZERO,
+        focal: Vec2::splat(70.0),
+        center,
+        size,
+    };
+    let mut step = 0;
+    let mut open = 0;
     for i in 0..18_u8 {
-        let (turn, height) = (f32::from(i) * 0.7, [-1.5, 0.0, 1.5][usize::from(i % 3)]);
+        let turn = f32::from(i) * 0.7;
+        let height = [-1.5, 0.0, 1.5][usize::from(i % 3)];
         let eye = Vec3::new(0.0, 0.5, 4.0);
         let camera = lens.looking(eye, eye + Vec3::new(turn.sin(), height, turn.cos()), Vec3::Y);
-        let (mut solid, drawing) = (SolidRasterizer::new(), SolidRasterOptions::default());
+        let mut solid = SolidRasterizer::new();
+        let drawing = SolidRasterOptions::default();
         let picture = solid.render(mesh, &camera, &drawing).rgb;
         let face = solid.visibility(mesh, &camera, &drawing).face.clone();
         open += face.iter().filter(|face| **face == NO_FACE).count();
-        let is_far =
-            |pixel: usize| face[pixel] != NO_FACE && mesh.centroid(face[pixel] as usize).length() > 10.0;
+        let is_far = |pixel: usize| {
+            face[pixel] != NO_FACE && mesh.centroid(face[pixel] as usize).length() > 10.0
+        };
         let width = size.x as usize;
-        for pixel in (0..picture.len() - width).filter(|pixel| (pixel + 1) % width > 0 && is_far(*pixel)) {
+        for pixel in
+            (0..picture.len() - width).filter(|pixel| (pixel + 1) % width > 0 && is_far(*pixel))
+        {
             let beside = [pixel + 1, pixel + width].into_iter().filter(|beside| is_far(*beside));
-            step = beside.map(|beside| picture[pixel][0].abs_diff(picture[beside][0])).fold(step, u8::max);
+            step = beside
+                .map(|beside| picture[pixel][0].abs_diff(picture[beside][0]))
+                .fold(step, u8::max);
         }
     }
     (step, open)

@@ -13,11 +13,20 @@ use trisplat_scene::{
     report::{Outcome, StageProgress},
 };
 
-fn stage(mesh: &mut Mesh, cameras: &[Camera], sides_of: Sides) -> (Result<Outcome<()>>, SidesDetails) {
+fn stage(
+    mesh: &mut Mesh,
+    cameras: &[Camera],
+    sides_of: Sides,
+) -> (Result<Outcome<()>>, SidesDetails) {
     let mut details = SidesDetails::default();
     let options = SidesOptions { sides: sides_of };
-    let outcome =
-        sides(mesh, cameras, &options, &mut details, &mut StageProgress::new(&mut |_| Continue(())));
+    let outcome = sides(
+        mesh,
+        cameras,
+        &options,
+        &mut details,
+        &mut StageProgress::new(&mut |_| Continue(())),
+    );
     (outcome, details)
 }
 
@@ -35,7 +44,8 @@ fn camera(eye: Vec3) -> Camera {
 
 /// A triangle of this size about `middle`, in the plane z = const, with its front towards -z or towards +z.
 fn upright(middle: Vec3, size: f32, towards_minus_z: bool) -> [Vec3; 3] {
-    let [a, b, c] = [Vec3::new(-size, -size, 0.0), Vec3::new(size, -size, 0.0), Vec3::new(0.0, size, 0.0)];
+    let [a, b, c] =
+        [Vec3::new(-size, -size, 0.0), Vec3::new(size, -size, 0.0), Vec3::new(0.0, size, 0.0)];
     let corners = if towards_minus_z { [a, c, b] } else { [a, b, c] };
     corners.map(|corner| middle + corner)
 }
@@ -83,7 +93,8 @@ fn what_cameras_see_from_one_side_turns_its_front_to_them() {
 fn what_is_seen_from_both_sides_by_a_tenth_or_by_nobody_keeps_both() {
     let count = |front: usize, back: usize| {
         let mut mesh = cards();
-        let cameras = [vec![camera(Vec3::Z * -3.0); front], vec![camera(Vec3::Z * 3.0); back]].concat();
+        let cameras =
+            [vec![camera(Vec3::Z * -3.0); front], vec![camera(Vec3::Z * 3.0); back]].concat();
         let (_, details) = stage(&mut mesh, &cameras, Sides::Auto);
         (details.single_sided, details.two_sided, mesh.single_sided.len())
     };
@@ -131,8 +142,9 @@ fn a_bake_with_photos_writes_sides_into_its_levels_and_tiles_too() {
         Bake::new(&options).photos(&mut photos).run([ImportedScene::from(scene.clone())]).unwrap()
     };
     // Without what is behind the scene.
-    let single =
-        |asset: &Asset| (0..asset.scene_faces()).filter(|face| asset.mesh.is_single_sided(*face)).count();
+    let single = |asset: &Asset| {
+        (0..asset.scene_faces()).filter(|face| asset.mesh.is_single_sided(*face)).count()
+    };
     let asset = bake(&|options| options.lod.lod = vec![0.5]);
     let counts = [&asset, &asset.levels[0]].map(single);
     assert!(counts[0] > 400 && counts[1] > 100 && counts[1] < counts[0], "{counts:?}");

@@ -23,7 +23,8 @@ fn around(direction: Vec3) -> [f32; 3] {
 /// A sphere of radius 20 with a colour per corner, or with one per face that has nothing to do with it.
 pub(super) fn sphere(gems: bool) -> Mesh {
     let (corners, faces) = octasphere(if gems { 2 } else { 5 });
-    let positions: Vec<Vec3> = faces.iter().flat_map(|f| f.map(|i| 20.0 * corners[i as usize])).collect();
+    let positions: Vec<Vec3> =
+        faces.iter().flat_map(|f| f.map(|i| 20.0 * corners[i as usize])).collect();
     let colors = match gems {
         true => Colors::Face((0..faces.len()).map(|i| [(i * 7 % 10) as f32 / 10.0; 3]).collect()),
         false => Colors::Vertex(positions.iter().map(|p| around(*p)).collect()),
@@ -33,7 +34,8 @@ pub(super) fn sphere(gems: bool) -> Mesh {
 
 /// The scene of the photos with a shell of gems behind it, and photos of it with the true surroundings.
 fn photographed() -> (Mesh, tempfile::TempDir, trisplat_dataset::Dataset) {
-    let (mut truth, mut trained) = (grey(&scene()), grey(&scene()));
+    let mut truth = grey(&scene());
+    let mut trained = grey(&scene());
     truth.append(sphere(false)).unwrap();
     let (folder, dataset) = photograph(&truth, |_, photo| photo);
     trained.append(sphere(true)).unwrap();
@@ -51,16 +53,21 @@ fn baked(
     // Photos of surroundings whose colour changes all around are no photos of different white balance.
     options.exposure = BakeOptions::preset(BakePreset::Fast).exposure;
     change(&mut options);
-    let (mut views, mut report) = (dataset.map(views), Report::default());
-    let asset = Bake::new(&options).photos(views.as_mut()).report(&mut report).run([input.into()]).unwrap();
+    let mut views = dataset.map(views);
+    let mut report = Report::default();
+    let asset =
+        Bake::new(&options).photos(views.as_mut()).report(&mut report).run([input.into()]).unwrap();
     (asset, report)
 }
 
 /// The direction of a pixel as three.js reads it: the middle is +X, a quarter from the left -Z.
 fn direction(sky: &RgbImage, pixel: usize) -> Vec3 {
-    let (column, row) = (pixel as u32 % sky.size.x, pixel as u32 / sky.size.x);
-    let [x, y] = [(column, sky.size.x), (row, sky.size.y)].map(|(at, of)| (at as f32 + 0.5) / of as f32);
-    let (turn, down) = ((x - 0.5) * std::f32::consts::TAU, y * std::f32::consts::PI);
+    let column = pixel as u32 % sky.size.x;
+    let row = pixel as u32 / sky.size.x;
+    let [x, y] =
+        [(column, sky.size.x), (row, sky.size.y)].map(|(at, of)| (at as f32 + 0.5) / of as f32);
+    let turn = (x - 0.5) * std::f32::consts::TAU;
+    let down = y * std::f32::consts::PI;
     Vec3::new(down.sin() * turn.cos(), down.cos(), down.sin() * turn.sin())
 }
 
@@ -71,9 +78,12 @@ fn apart(a: [u8; 3], b: [u8; 3]) -> i32 {
 /// The largest step between neighbouring pixels of the rows between two shares of the height, and the mean and largest difference from the surroundings,
 /// which are turned by `turn` in the file; codes.
 fn step_and_error(sky: &RgbImage, rows: [f32; 2], turn: impl Fn(Vec3) -> Vec3) -> (i32, f64, i32) {
-    let (width, height) = (sky.size.x as usize, sky.size.y as usize);
+    let width = sky.size.x as usize;
+    let height = sky.size.y as usize;
     let [first, last] = rows.map(|share| (share * (height - 1) as f32) as usize);
-    let (mut step, mut worst, mut sum) = (0, 0, 0);
+    let mut step = 0;
+    let mut worst = 0;
+    let mut sum = 0;
     for pixel in first * width..last * width {
         // The last column is beside the first.
         let right = pixel - pixel % width + (pixel + 1) % width;
@@ -81,7 +91,8 @@ fn step_and_error(sky: &RgbImage, rows: [f32; 2], turn: impl Fn(Vec3) -> Vec3) -
         step = step.max(apart(sky.rgb[pixel], sky.rgb[pixel + width]));
         let wants = around(turn(direction(sky, pixel)));
         let off = apart(sky.rgb[pixel], wants.map(|c| (255.0 * srgb_from_linear(c)).round() as u8));
-        (worst, sum) = (worst.max(off), sum + off);
+        worst = worst.max(off);
+        sum = sum + off;
     }
     (step, f64::from(sum) / ((last - first) * width) as f64, worst)
 }
@@ -130,7 +141,8 @@ fn a_shell_without_photos_keeps_its_colours_and_loses_its_edges() {
     let mut trained = grey(&scene());
     trained.append(dome).unwrap();
     let (asset, _) = baked(trained, None, |_| ());
-    let (step, error, _) = step_and_error(asset.sky.as_ref().expect("a panorama"), [0.0, 1.0], |d| d);
+    let (step, error, _) =
+        step_and_error(asset.sky.as_ref().expect("a panorama"), [0.0, 1.0], |d| d);
     assert!(step < 6 && error < 8.0, "steps of {step}, {error} codes off");
     // Of facets that differ by up to 230 codes no edge is left.
     let mut trained = grey(&scene());
@@ -144,7 +156,10 @@ fn a_shell_without_photos_keeps_its_colours_and_loses_its_edges() {
 fn without_photos_and_shell_no_sky_is_written_and_the_bake_says_so() {
     let (asset, report) = baked(grey(&scene()), None, |_| ());
     assert!(asset.sky.is_none());
-    assert!(report.warnings.iter().any(|warning| warning.starts_with("no sky is written")), "{report:?}");
+    assert!(
+        report.warnings.iter().any(|warning| warning.starts_with("no sky is written")),
+        "{report:?}"
+    );
     let folder = tempfile::tempdir().unwrap();
     assert_eq!(names(&asset, &folder.path().join("a.glb")), ["a.glb"]);
     // A page that asks for a picture that is not there complains.
@@ -161,13 +176,18 @@ fn the_picture_is_a_file_beside_the_scene_or_in_a_page() {
     let path = |name: &str| folder.path().join(name);
     assert_eq!(names(&asset, &path("a.glb")), ["a.glb", "a.sky.jpg"]);
     assert!(names_sky(&path("a.glb"), "a.sky.jpg"));
-    let (file, sky) = (RgbImage::load(&path("a.sky.jpg")).unwrap(), asset.sky.as_ref().unwrap());
+    let file = RgbImage::load(&path("a.sky.jpg")).unwrap();
+    let sky = asset.sky.as_ref().unwrap();
     let worst = file.rgb.iter().zip(&sky.rgb).map(|(a, b)| apart(*a, *b)).max();
     assert!(file.size == sky.size && worst < Some(8), "{worst:?}");
     assert_eq!(names(&asset, &path("b.html")), ["b.html"]);
     let page = std::fs::read_to_string(path("b.html")).unwrap();
     let open = "<script type=\"image/jpeg;base64\" id=\"sky\">";
-    let held = page.split(open).nth(1).and_then(|rest| rest.split("</script>").next()).expect("a panorama");
+    let held = page
+        .split(open)
+        .nth(1)
+        .and_then(|rest| rest.split("</script>").next())
+        .expect("a panorama");
     assert!(BASE64.decode(held).unwrap() == std::fs::read(path("a.sky.jpg")).unwrap());
     // A phone shows the room around a scene.
     let phone = trisplat_formats::write(&asset, &path("c.usdz"), &Default::default());

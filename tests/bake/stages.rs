@@ -4,9 +4,9 @@ use super::chunks::chunked;
 use super::hostile::{grid, mesh_of, random, random_triangle, soup_of};
 use glam::Vec3;
 use trisplat_bake::{
-    Bake, BakeOptions, ColorDetails, FaceOrder, OrderDetails, OrderOptions, PruneDetails, PruneOptions,
-    SolidDetails, SolidOptions, Solidify, WeldDetails, WeldOptions, WeldWhen, color, order, prune, solid,
-    weld,
+    Bake, BakeOptions, ColorDetails, FaceOrder, OrderDetails, OrderOptions, PruneDetails,
+    PruneOptions, SolidDetails, SolidOptions, Solidify, WeldDetails, WeldOptions, WeldWhen, color,
+    order, prune, solid, weld,
 };
 use trisplat_scene::{
     Scene, Soup,
@@ -16,7 +16,8 @@ use trisplat_scene::{
 
 /// Prunes; returns what is left and the counts.
 fn pruned(soup: Soup, options: &PruneOptions) -> (Soup, PruneDetails) {
-    let (mut scene, mut details) = (Scene::Soup(soup), PruneDetails::default());
+    let mut scene = Scene::Soup(soup);
+    let mut details = PruneDetails::default();
     prune(&mut scene, options, &mut details).unwrap();
     let Scene::Soup(soup) = scene else { panic!("prune turned a soup into a mesh") };
     (soup, details)
@@ -36,8 +37,14 @@ fn prune_counts_by_cause() {
     let options = PruneOptions { max_triangles: Some(80), ..PruneOptions::DEFAULT };
     let (left, details) = pruned(soup, &options);
     assert_eq!(left.len(), 80);
-    let wants =
-        PruneDetails { non_finite: 2, out_of_reach: 1, degenerate: 1, faint: 3, soft: 1, over_budget: 12 };
+    let wants = PruneDetails {
+        non_finite: 2,
+        out_of_reach: 1,
+        degenerate: 1,
+        faint: 3,
+        soft: 1,
+        over_budget: 12,
+    };
     assert_eq!(details, wants);
     let told = details.warning().unwrap();
     assert!(told.starts_with("dropped 1 triangle farther than 1e15"), "{told}");
@@ -68,8 +75,10 @@ fn a_scene_of_any_scale_is_baked_whole_or_refused_with_the_remedy() {
 #[test]
 fn prune_keeps_the_largest_contributions_and_their_order() {
     let size = |i: usize| 1.0 + ((i * 37) % 100) as f32;
-    let soup = soup_of((0..100).map(|i| ([Vec3::ZERO, Vec3::X, Vec3::Y].map(|v| v * size(i)), 0.5, 0.5)));
-    let (left, _) = pruned(soup.clone(), &PruneOptions { max_triangles: Some(10), ..PruneOptions::DEFAULT });
+    let soup =
+        soup_of((0..100).map(|i| ([Vec3::ZERO, Vec3::X, Vec3::Y].map(|v| v * size(i)), 0.5, 0.5)));
+    let (left, _) =
+        pruned(soup.clone(), &PruneOptions { max_triangles: Some(10), ..PruneOptions::DEFAULT });
     let kept: Vec<f32> = left.vertices.iter().map(|v| v[1].x).collect();
     let wants: Vec<f32> = (0..100).map(size).filter(|&s| s > 90.0).collect();
     assert_eq!(kept, wants);
@@ -80,7 +89,8 @@ fn prune_keeps_the_largest_contributions_and_their_order() {
     assert_eq!(left.opacity, [0.5]);
     // Of equals the first stay.
     let equal = soup_of((0..9).map(|i| (triangle.map(|v| v + i as f32), 0.5, 0.5)));
-    let (left, _) = pruned(equal, &PruneOptions { max_triangles: Some(4), ..PruneOptions::DEFAULT });
+    let (left, _) =
+        pruned(equal, &PruneOptions { max_triangles: Some(4), ..PruneOptions::DEFAULT });
     assert_eq!(left.vertices.iter().map(|v| v[0].x).collect::<Vec<_>>(), [0.0, 1.0, 2.0, 3.0]);
 }
 
@@ -107,7 +117,8 @@ fn prune_says_which_option_left_nothing() {
     for (options, names) in cases {
         let mut soup = random(20, 0.2);
         soup.opacity.fill(0.9);
-        let error = prune(&mut Scene::Soup(soup), &options, &mut PruneDetails::default()).unwrap_err();
+        let error =
+            prune(&mut Scene::Soup(soup), &options, &mut PruneDetails::default()).unwrap_err();
         assert!(error.to_string().starts_with(names), "{options:?}: {error}");
     }
 }
@@ -118,7 +129,8 @@ fn prune_drops_faces_and_their_vertices_from_a_mesh() {
     mesh.opacity = vec![1.0; 32];
     mesh.opacity[0] = 0.0;
     mesh.positions[24] = mesh.positions[23]; // makes the last two faces a line and a thinner triangle
-    let (before, mut scene) = (mesh.clone(), Scene::Mesh(mesh));
+    let before = mesh.clone();
+    let mut scene = Scene::Mesh(mesh);
     prune(&mut scene, &PruneOptions::DEFAULT, &mut PruneDetails::default()).unwrap();
     let Scene::Mesh(after) = scene else { panic!("prune turned a mesh into a soup") };
     after.validate().unwrap();
@@ -134,19 +146,28 @@ fn prune_drops_faces_and_their_vertices_from_a_mesh() {
 #[test]
 fn solid_keeps_solid_triangles_and_drops_none_by_default() {
     let corners = random_triangle(0, Vec3::ZERO, 1.0);
-    let soup =
-        soup_of([(corners, 1.0, 1e-5), (corners, 1.0, 0.01), (corners, 0.3, 1.16), (corners, 0.02, 9.0)]);
+    let soup = soup_of([
+        (corners, 1.0, 1e-5),
+        (corners, 1.0, 0.01),
+        (corners, 0.3, 1.16),
+        (corners, 0.02, 9.0),
+    ]);
     let area = |t: &[Vec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length();
     let run = |how| {
-        let (mut soup, mut details) = (soup.clone(), SolidDetails::default());
-        solid(&mut soup, &SolidOptions { solid: how, ..SolidOptions::DEFAULT }, &mut details).unwrap();
+        let mut soup = soup.clone();
+        let mut details = SolidDetails::default();
+        solid(&mut soup, &SolidOptions { solid: how, ..SolidOptions::DEFAULT }, &mut details)
+            .unwrap();
         assert!(soup.opacity.iter().all(|&o| o == 1.0));
         let shares: Vec<f32> = soup.vertices.iter().map(|t| area(t) / area(&corners)).collect();
         (shares, details)
     };
     let close = |got: &[f32], wants: &[f32]| {
         assert_eq!(got.len(), wants.len());
-        assert!(got.iter().zip(wants).all(|(g, w)| (g - w).abs() < 1e-3), "{got:?}, expected {wants:?}");
+        assert!(
+            got.iter().zip(wants).all(|(g, w)| (g - w).abs() < 1e-3),
+            "{got:?}, expected {wants:?}"
+        );
     };
     let mean = |o: f32, s: f32| o * 2.0 / ((s + 1.0) * (s + 2.0));
     close(&run(Solidify::Auto).0, &[1.0, 1.0, mean(0.3, 1.16), mean(0.02, 9.0)]);
@@ -179,7 +200,8 @@ fn color_is_linear_and_clamped() {
     let mut details = ColorDetails::default();
     let mesh = color(soup.clone(), &mut details).unwrap();
     let Colors::Face(colors) = &mesh.colors else { panic!("colours are not per face") };
-    let wants = [[0.0, 0.214_041, 1.0], [0.0, 1.0, 0.003_095_98], [0.050_876, 0.522_522, 0.787_412]];
+    let wants =
+        [[0.0, 0.214_041, 1.0], [0.0, 1.0, 0.003_095_98], [0.050_876, 0.522_522, 0.787_412]];
     for (got, wants) in colors.iter().zip(wants) {
         assert!((0..3).all(|c| (got[c] - wants[c]).abs() < 2e-6), "{got:?}, expected {wants:?}");
     }
@@ -193,7 +215,10 @@ fn weld_shares_corners_only_where_it_pays() {
     let soup = random(500, 0.1);
     let mut mesh = mesh_of(&soup);
     let mut details = WeldDetails::default();
-    assert!(matches!(weld(&mut mesh, &WeldOptions::DEFAULT, &mut details), Ok(Outcome::Skipped(_))));
+    assert!(matches!(
+        weld(&mut mesh, &WeldOptions::DEFAULT, &mut details),
+        Ok(Outcome::Skipped(_))
+    ));
     assert!(mesh.indices.is_empty());
 
     let flat = grid(20);
@@ -262,11 +287,17 @@ fn order_brings_near_faces_together() {
         let hop = |f: usize| mesh.corners(f)[0].distance(mesh.corners(f + 1)[0]);
         (0..mesh.face_count() - 1).map(hop).sum::<f32>() / mesh.face_count() as f32
     };
-    let (before, chunks) = (asset.mesh.clone(), asset.chunks.clone());
+    let before = asset.mesh.clone();
+    let chunks = asset.chunks.clone();
     let options = OrderOptions { order: FaceOrder::Spatial };
     order(&mut asset, &options, &mut OrderDetails::default()).unwrap();
     assert_eq!(asset.chunks, chunks);
-    assert!(step(&asset.mesh) < 0.25 * step(&before), "{} was {}", step(&asset.mesh), step(&before));
+    assert!(
+        step(&asset.mesh) < 0.25 * step(&before),
+        "{} was {}",
+        step(&asset.mesh),
+        step(&before)
+    );
     for chunk in chunks {
         let sorted = |mesh: &Mesh| {
             let faces = chunk.first as usize..(chunk.first + chunk.count) as usize;

@@ -4,7 +4,8 @@ use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::collections::{HashMap, HashSet};
 use std::ops::ControlFlow::Continue;
 use trisplat_bake::{
-    Bake, BakeOptions, BakePreset, CropDetails, MeshOptions, TextureOptions, TextureWhen, Views, mesh,
+    Bake, BakeOptions, BakePreset, CropDetails, MeshOptions, TextureOptions, TextureWhen, Views,
+    mesh,
 };
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
@@ -31,7 +32,8 @@ fn part(positions: Vec<Vec3>, grey: f32) -> Mesh {
 fn square(from: Vec3, u: Vec3, v: Vec3, cells: usize) -> Vec<Vec3> {
     let at = |i: usize, k: usize| from + (u * i as f32 + v * k as f32) / cells as f32;
     let cell = |n: usize| {
-        let (i, k) = (n % cells, n / cells);
+        let i = n % cells;
+        let k = n / cells;
         [at(i, k), at(i + 1, k), at(i, k + 1), at(i + 1, k), at(i + 1, k + 1), at(i, k + 1)]
     };
     (0..cells * cells).flat_map(cell).collect()
@@ -54,7 +56,13 @@ fn studio() -> Mesh {
 
 fn lens(size: UVec2, focal: f32) -> Camera {
     let center = size.as_vec2() / 2.0;
-    Camera { rotation: Mat3::IDENTITY, translation: Vec3::ZERO, focal: Vec2::splat(focal), center, size }
+    Camera {
+        rotation: Mat3::IDENTITY,
+        translation: Vec3::ZERO,
+        focal: Vec2::splat(focal),
+        center,
+        size,
+    }
 }
 
 /// Twelve cameras in half a circle around the ball.
@@ -101,7 +109,8 @@ fn bounds(mesh: &Mesh) -> (Vec3, Vec3) {
 
 #[test]
 fn the_thing_and_a_hands_breadth_of_the_table_are_kept_with_the_origin_under_them() {
-    let (whole, mesh) = (baked(&[]), baked(&["subject"]));
+    let whole = baked(&[]);
+    let mesh = baked(&["subject"]);
     assert_eq!(
         (count(&mesh, BALL), count(&mesh, ELSE)),
         (512, 0),
@@ -113,7 +122,10 @@ fn the_thing_and_a_hands_breadth_of_the_table_are_kept_with_the_origin_under_the
     assert!((0.5..0.75).contains(&farthest), "the table ends {farthest} from the middle");
     let (low, high) = bounds(&mesh);
     assert!(low.y.abs() < 0.05 && (0.9..1.1).contains(&high.y), "{low} {high}");
-    assert!(((low + high) / 2.0).x.abs() < 0.1 && ((low + high) / 2.0).z.abs() < 0.1, "{low} {high}");
+    assert!(
+        ((low + high) / 2.0).x.abs() < 0.1 && ((low + high) / 2.0).z.abs() < 0.1,
+        "{low} {high}"
+    );
 }
 
 /// The shares of the ball and of all triangles in a picture that a viewer frames: a ball around what is in the file fills the height.
@@ -127,7 +139,8 @@ fn shares(mesh: &Mesh) -> [f32; 2] {
     let camera = lens(size, 240.0 / half.tan()).looking(eye, center, Vec3::Y);
     let mut solid = SolidRasterizer::new();
     let seen = solid.visibility(mesh, &camera, &SolidRasterOptions::default());
-    let shown: Vec<usize> = seen.face.iter().filter(|f| **f != NO_FACE).map(|f| *f as usize).collect();
+    let shown: Vec<usize> =
+        seen.face.iter().filter(|f| **f != NO_FACE).map(|f| *f as usize).collect();
     let ball = shown.iter().filter(|face| is(mesh, **face, BALL)).count();
     [ball, shown.len()].map(|pixels| pixels as f32 / size.element_product() as f32)
 }
@@ -156,7 +169,11 @@ fn what_stands_beside_it_is_left_out() {
     let mut room = studio();
     let block = square(Vec3::new(1.0, 0.0, -0.6), Vec3::Y * 1.2, Vec3::Z * 1.2, 12);
     room.append(part(block, ELSE)).unwrap();
-    room.append(part(square(Vec3::new(-9.0, -3.0, -9.0), Vec3::Z * 18.0, Vec3::X * 18.0, 40), ELSE)).unwrap();
+    room.append(part(
+        square(Vec3::new(-9.0, -3.0, -9.0), Vec3::Z * 18.0, Vec3::X * 18.0, 40),
+        ELSE,
+    ))
+    .unwrap();
     let (mesh, _) = bake(Scene::Mesh(room), &["subject"]);
     assert_eq!((count(&mesh, BALL), count(&mesh, ELSE)), (512, 0));
     assert!(count(&mesh, TABLE) > 10);
@@ -171,7 +188,8 @@ fn a_thing_on_a_wall_keeps_a_hands_breadth_of_it() {
     let upright = Mat3::from_rotation_x(std::f32::consts::FRAC_PI_2);
     wall.positions.iter_mut().for_each(|at| *at = upright * *at);
     let camera = |i: usize| {
-        let (turn, height) = ((i % 4) as f32 * 0.4 - 0.6, (i / 4) as f32 * 0.5 - 0.5);
+        let turn = (i % 4) as f32 * 0.4 - 0.6;
+        let height = (i / 4) as f32 * 0.5 - 0.5;
         let eye = Vec3::new(2.5 * turn.sin(), height, 0.5 + 2.5 * turn.cos());
         lens(UVec2::new(96, 72), 100.0).looking(eye, Vec3::Z * 0.5, Vec3::Y)
     };
@@ -210,7 +228,8 @@ fn the_surface_of_the_thing_ends_in_an_even_edge() {
     options.crop.crop = vec!["subject".parse().unwrap()];
     options.surface.resolution = Some(64);
     let scene = ImportedScene { cameras: cameras(), ..ImportedScene::from(Scene::Mesh(studio())) };
-    let (mut report, mut nobody) = (Report::default(), |_: StageEvent<'_>| Continue(()));
+    let mut report = Report::default();
+    let mut nobody = |_: StageEvent<'_>| Continue(());
     let asset = mesh(scene, None, &options, &Limits::DEFAULT, &mut report, &mut nobody).unwrap();
     let found = asset.mesh;
     let details = report.details::<SurfaceDetails>().unwrap();
@@ -225,7 +244,8 @@ fn the_surface_of_the_thing_ends_in_an_even_edge() {
 /// Eighteen cameras all around the ball, which see nothing of its underside, nor of the table below it.
 fn around() -> Vec<Camera> {
     let camera = |i: usize| {
-        let (turn, height) = (i as f32 * std::f32::consts::TAU / 18.0, 1.0 + 0.5 * (i % 3) as f32);
+        let turn = i as f32 * std::f32::consts::TAU / 18.0;
+        let height = 1.0 + 0.5 * (i % 3) as f32;
         let eye = Vec3::new(2.5 * turn.sin(), height, 2.5 * turn.cos());
         lens(UVec2::new(96, 72), 100.0).looking(eye, Vec3::Y * 0.5, Vec3::Y)
     };
@@ -242,11 +262,14 @@ fn textured_surface() -> (Mesh, SurfaceDetails) {
         ..MeshOptions::default()
     };
     options.crop.crop = vec!["subject".parse().unwrap()];
-    (options.surface.resolution, options.surface.max_triangles) = (Some(64), Some(3000));
+    options.surface.resolution = Some(64);
+    options.surface.max_triangles = Some(3000);
     options.place.up = "y".parse().unwrap();
     let scene = ImportedScene { cameras: around(), ..ImportedScene::from(Scene::Mesh(studio())) };
-    let (mut report, mut nobody) = (Report::default(), |_: StageEvent<'_>| Continue(()));
-    let found = mesh(scene, Some(&mut views), &options, &Limits::DEFAULT, &mut report, &mut nobody).unwrap();
+    let mut report = Report::default();
+    let mut nobody = |_: StageEvent<'_>| Continue(());
+    let found = mesh(scene, Some(&mut views), &options, &Limits::DEFAULT, &mut report, &mut nobody)
+        .unwrap();
     (found.mesh, report.details().unwrap())
 }
 
@@ -254,18 +277,22 @@ fn textured_surface() -> (Mesh, SurfaceDetails) {
 fn borders(mesh: &Mesh) -> Vec<f32> {
     // A texture splits vertices where its charts meet.
     let corners = |face: usize| mesh.corners(face).map(|place| place.to_array().map(f32::to_bits));
-    let edges: HashSet<_> =
-        (0..mesh.face_count()).map(corners).flat_map(|[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
+    let edges: HashSet<_> = (0..mesh.face_count())
+        .map(corners)
+        .flat_map(|[a, b, c]| [(a, b), (b, c), (c, a)])
+        .collect();
     let mut next = HashMap::new();
     for (a, b) in edges.iter().filter(|(a, b)| !edges.contains(&(*b, *a))) {
         assert_eq!(next.insert(*a, *b), None, "borders touch");
     }
     let mut least = Vec::new();
     while let Some(start) = next.keys().next().copied() {
-        let (mut at, mut nearest) = (start, f32::MAX);
+        let mut at = start;
+        let mut nearest = f32::MAX;
         while let Some(after) = next.remove(&at) {
             let [x, _, z] = at.map(f32::from_bits);
-            (at, nearest) = (after, nearest.min(x.hypot(z)));
+            at = after;
+            nearest = nearest.min(x.hypot(z));
         }
         least.push(nearest);
     }
@@ -275,7 +302,8 @@ fn borders(mesh: &Mesh) -> Vec<f32> {
 /// A picture from straight below, and which of its pixels show a triangle, or are beside all of them. `[H * W]`
 fn from_below(mesh: &Mesh) -> (RgbImage, Vec<bool>, Vec<bool>) {
     let (low, high) = bounds(mesh);
-    let (size, center) = (UVec2::splat(200), (low + high) / 2.0);
+    let size = UVec2::splat(200);
+    let center = (low + high) / 2.0;
     let eye = center - Vec3::Y * 2.5 * (high - low).length();
     let camera = lens(size, 400.0).looking(eye, center, Vec3::Z);
     let drawing = SolidRasterOptions::default();
@@ -283,13 +311,17 @@ fn from_below(mesh: &Mesh) -> (RgbImage, Vec<bool>, Vec<bool>) {
     let seen = solid.visibility(mesh, &camera, &drawing);
     let shows: Vec<bool> = seen.face.iter().map(|face| *face != NO_FACE).collect();
     // What can be reached from a corner of the picture is beside the silhouette.
-    let (width, mut beside, mut reached) = (size.x as usize, vec![false; shows.len()], vec![0]);
+    let width = size.x as usize;
+    let mut beside = vec![false; shows.len()];
+    let mut reached = vec![0];
     while let Some(pixel) = reached.pop() {
         if shows[pixel] || std::mem::replace(&mut beside[pixel], true) {
             continue;
         }
-        let (x, y) = (pixel % width, pixel / width);
-        let around = [(x > 0, -1), (x + 1 < width, 1), (y > 0, -200), (y + 1 < size.y as usize, 200)];
+        let x = pixel % width;
+        let y = pixel / width;
+        let around =
+            [(x > 0, -1), (x + 1 < width, 1), (y > 0, -200), (y + 1 < size.y as usize, 200)];
         let steps = around.into_iter().filter(|(within, _)| *within);
         reached.extend(steps.filter_map(|(_, step)| pixel.checked_add_signed(step)));
     }

@@ -3,8 +3,8 @@
 use super::hostile::{random_triangle, soup_of};
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat_bake::{
-    Bake, BakeOptions, BakePreset, ReshapeOptions, SOLID_SIGMA, SolidOptions, TeacherDetails, TeacherOptions,
-    UpChoice, Views, is_solid, softness, teacher,
+    Bake, BakeOptions, BakePreset, ReshapeOptions, SOLID_SIGMA, SolidOptions, TeacherDetails,
+    TeacherOptions, UpChoice, Views, is_solid, softness, teacher,
 };
 use trisplat_raster::{
     soft::SoftOptions,
@@ -47,7 +47,10 @@ pub(crate) fn soft(cameras: Vec<Camera>) -> ImportedScene {
 
 fn baked(scene: ImportedScene, teacher: TeacherOptions) -> (Asset, Report) {
     // Fitting triangles has tests of its own.
-    baked_with(scene, BakeOptions { teacher, reshape: ReshapeOptions::OFF, ..BakeOptions::default() })
+    baked_with(
+        scene,
+        BakeOptions { teacher, reshape: ReshapeOptions::OFF, ..BakeOptions::default() },
+    )
 }
 
 pub(crate) fn baked_with(scene: ImportedScene, mut options: BakeOptions) -> (Asset, Report) {
@@ -59,7 +62,13 @@ pub(crate) fn baked_with(scene: ImportedScene, mut options: BakeOptions) -> (Ass
 }
 
 pub(crate) fn skipped<'r>(report: &'r Report, stage: &str) -> Option<&'r str> {
-    report.stages.iter().find(|s| s.name == stage).unwrap_or_else(|| panic!("no {stage}")).skipped.as_deref()
+    report
+        .stages
+        .iter()
+        .find(|s| s.name == stage)
+        .unwrap_or_else(|| panic!("no {stage}"))
+        .skipped
+        .as_deref()
 }
 
 /// PSNR of the baked scene against soft pictures from cameras between those it was taught from, dB.
@@ -72,8 +81,8 @@ pub(crate) fn psnr(asset: &Asset) -> f64 {
         eyes[0].looking(eye, Vec3::ZERO, Vec3::NEG_Y)
     };
     let one = |i| {
-        let (soft, solid) =
-            (teacher.picture(&between(i)), SolidRasterizer::new().render(&asset.mesh, &between(i), &drawing));
+        let soft = teacher.picture(&between(i));
+        let solid = SolidRasterizer::new().render(&asset.mesh, &between(i), &drawing);
         metric::psnr(&soft.rgb, &solid.rgb, None)
     };
     (0..15).map(one).sum::<f64>() / 15.0
@@ -93,7 +102,8 @@ fn a_plain_bake_of_a_soft_scene_comes_closer_to_its_soft_pictures() {
         assert_eq!(skipped(&report, "refit"), None);
         // It is an object: nothing is put behind it.
         assert!(skipped(&report, "backdrop").unwrap().contains("object"));
-        let (before, after) = (psnr(&without), psnr(&with));
+        let before = psnr(&without);
+        let after = psnr(&with);
         assert!(after > before + 3.0, "{kind:?}: {before:.2} dB, {after:.2} dB taught");
         if kind != ViewpointKind::Stored {
             // Cameras that we chose drop nothing.
@@ -152,9 +162,18 @@ fn hostile_scenes_are_drawn_or_refused_with_an_error() {
     for (name, soup) in super::hostile::finite().into_iter().chain(super::hostile::poison()) {
         for stored in [cameras(), Vec::new()] {
             let scene = ImportedScene { cameras: stored, ..ImportedScene::from(soup.clone()) };
-            let (mut views, mut details) = (None, TeacherDetails::default());
+            let mut views = None;
+            let mut details = TeacherDetails::default();
             let options = TeacherOptions::DEFAULT;
-            match teacher(&mut views, &scene, false, None, &options, &SolidOptions::DEFAULT, &mut details) {
+            match teacher(
+                &mut views,
+                &scene,
+                false,
+                None,
+                &options,
+                &SolidOptions::DEFAULT,
+                &mut details,
+            ) {
                 Ok(Outcome::Changed(())) => {
                     assert!(views.is_some_and(|views| views.covered() > 0.0), "{name}")
                 }

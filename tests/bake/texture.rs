@@ -23,14 +23,17 @@ use trisplat_scene::{
 
 pub(super) const DRAWING: SolidRasterOptions =
     SolidRasterOptions { background: [0.0; 3], samples: 4, near: 0.01 };
-const AUTO: TextureOptions = TextureOptions { texture: TextureWhen::Auto, ..TextureOptions::DEFAULT };
-pub(super) const ON: TextureOptions = TextureOptions { texture: TextureWhen::On, ..TextureOptions::DEFAULT };
+const AUTO: TextureOptions =
+    TextureOptions { texture: TextureWhen::Auto, ..TextureOptions::DEFAULT };
+pub(super) const ON: TextureOptions =
+    TextureOptions { texture: TextureWhen::On, ..TextureOptions::DEFAULT };
 
 /// A wall of `across` by `across` squares of two triangles, 2 wide, with one colour each; slightly bent.
 fn wall(across: u32, color: impl Fn(f32, f32) -> [f32; 3]) -> Mesh {
     let at = |i: u32| 2.0 * i as f32 / across as f32 - 1.0;
     let point = |x: u32, y: u32| Vec3::new(at(x), at(y), 0.05 * at(x) * at(x));
-    let (mut positions, mut colors) = (Vec::new(), Vec::new());
+    let mut positions = Vec::new();
+    let mut colors = Vec::new();
     for (y, x) in (0..across).flat_map(|y| (0..across).map(move |x| (y, x))) {
         let [a, b] = [point(x, y), point(x + 1, y)];
         let [c, d] = [point(x, y + 1), point(x + 1, y + 1)];
@@ -66,11 +69,18 @@ pub(super) fn cameras() -> Vec<Camera> {
 }
 
 pub(super) fn photos() -> Vec<RgbImage> {
-    cameras().iter().map(|camera| SolidRasterizer::new().render(&painted(), camera, &DRAWING)).collect()
+    cameras()
+        .iter()
+        .map(|camera| SolidRasterizer::new().render(&painted(), camera, &DRAWING))
+        .collect()
 }
 
-pub(super) fn textured(mesh: &mut Mesh, options: &TextureOptions) -> (Result<Outcome<()>>, TextureDetails) {
-    let (mut views, mut details) = (Views::drawn(cameras(), photos()), TextureDetails::default());
+pub(super) fn textured(
+    mesh: &mut Mesh,
+    options: &TextureOptions,
+) -> (Result<Outcome<()>>, TextureDetails) {
+    let mut views = Views::drawn(cameras(), photos());
+    let mut details = TextureDetails::default();
     let outcome = texture(
         mesh,
         Some(&mut views),
@@ -85,7 +95,8 @@ pub(super) fn textured(mesh: &mut Mesh, options: &TextureOptions) -> (Result<Out
 /// PSNR of a mesh against the painted wall from between the cameras, dB.
 pub(super) fn psnr(mesh: &Mesh) -> f64 {
     let camera = cameras()[0].looking(Vec3::new(0.23, 0.11, -2.4), Vec3::ZERO, Vec3::NEG_Y);
-    let [wants, got] = [&painted(), mesh].map(|mesh| SolidRasterizer::new().render(mesh, &camera, &DRAWING));
+    let [wants, got] =
+        [&painted(), mesh].map(|mesh| SolidRasterizer::new().render(mesh, &camera, &DRAWING));
     metric::psnr(&wants.rgb, &got.rgb, None)
 }
 
@@ -116,7 +127,9 @@ fn a_part_is_scored_by_the_pixels_that_it_covers() {
         texture(&mut grey(4), Some(&mut views), None, &ON, &mut details, &mut progress).unwrap();
         [details.psnr_before, details.psnr_after].map(|psnr| psnr.expect("photos judge"))
     };
-    let (dark, bright, whole) = (scores(0.0, true), scores(1.0, true), scores(1.0, false));
+    let dark = scores(0.0, true);
+    let bright = scores(1.0, true);
+    let whole = scores(1.0, false);
     assert!((dark[0] - bright[0]).abs() < 0.2, "what stands behind it counts: {dark:?} {bright:?}");
     // A good texture shows the mixed pixels at its edges.
     assert!(bright[1] > 25.0 && (dark[1] - bright[1]).abs() < 2.0, "{dark:?} {bright:?}");
@@ -128,14 +141,19 @@ fn a_part_is_scored_by_the_pixels_that_it_covers() {
 fn photos_that_disagree_decide_for_auto_and_warn_who_asked_for_a_texture() {
     let grey = || wall(4, |_, _| [0.4; 3]);
     // Every photo is of other stripes, about that grey.
-    let striped = |i: usize| wall(48, move |x, _| [0.4 + 0.2 * (9.0 * x + 2.4 * i as f32).sin(); 3]);
-    let photo = |(i, camera): (usize, &Camera)| SolidRasterizer::new().render(&striped(i), camera, &DRAWING);
+    let striped =
+        |i: usize| wall(48, move |x, _| [0.4 + 0.2 * (9.0 * x + 2.4 * i as f32).sin(); 3]);
+    let photo = |(i, camera): (usize, &Camera)| {
+        SolidRasterizer::new().render(&striped(i), camera, &DRAWING)
+    };
     let mut views = Views::drawn(cameras(), cameras().iter().enumerate().map(photo).collect());
     let mut run = |options: &TextureOptions| {
-        let (mut mesh, mut details) = (grey(), TextureDetails::default());
+        let mut mesh = grey();
+        let mut details = TextureDetails::default();
         let mut nobody = |_: StageEvent<'_>| Continue(());
         let mut progress = StageProgress::new(&mut nobody);
-        let outcome = texture(&mut mesh, Some(&mut views), None, options, &mut details, &mut progress);
+        let outcome =
+            texture(&mut mesh, Some(&mut views), None, options, &mut details, &mut progress);
         (outcome.unwrap(), mesh, details)
     };
     let (outcome, mesh, details) = run(&AUTO);
@@ -156,14 +174,18 @@ fn auto_takes_detail_that_costs_a_little_psnr() {
         let shift = if i.is_multiple_of(2) { 0.05 } else { -0.05 };
         wall(96, move |x, _| [0.4 + 0.3 * (18.0 * (x + shift)).sin(); 3])
     };
-    let photo = |(i, camera): (usize, &Camera)| SolidRasterizer::new().render(&striped(i), camera, &DRAWING);
+    let photo = |(i, camera): (usize, &Camera)| {
+        SolidRasterizer::new().render(&striped(i), camera, &DRAWING)
+    };
     let mut views = Views::drawn(cameras(), cameras().iter().enumerate().map(photo).collect());
-    let (mut mesh, mut details) = (wall(4, |_, _| [0.4; 3]), TextureDetails::default());
+    let mut mesh = wall(4, |_, _| [0.4; 3]);
+    let mut details = TextureDetails::default();
     // What the scene's own colours are said to reach is more than what texels do.
     let unseen = UnseenColors { colors: mesh.colors.clone(), psnr_of_own: Some(60.0) };
     let mut nobody = |_: StageEvent<'_>| Continue(());
     let mut progress = StageProgress::new(&mut nobody);
-    let outcome = texture(&mut mesh, Some(&mut views), Some(unseen), &AUTO, &mut details, &mut progress);
+    let outcome =
+        texture(&mut mesh, Some(&mut views), Some(unseen), &AUTO, &mut details, &mut progress);
     assert!(details.psnr_after < details.psnr_before, "{details:?}");
     assert!(details.ssim_after > details.ssim_before, "{details:?}");
     assert!(outcome.unwrap() == Outcome::Changed(()) && details.warning().is_none(), "{details:?}");
@@ -172,7 +194,8 @@ fn auto_takes_detail_that_costs_a_little_psnr() {
 #[test]
 fn colours_that_have_seen_the_held_out_photos_are_no_measure() {
     // The mesh has learnt photos by heart; what was fitted without them is grey.
-    let (mut mesh, mut details) = (painted(), TextureDetails::default());
+    let mut mesh = painted();
+    let mut details = TextureDetails::default();
     let mut views = Views::drawn(cameras(), photos());
     let grey = wall(48, |_, _| [0.2; 3]).colors;
     let mut unseen = UnseenColors { colors: grey.clone(), psnr_of_own: None };
@@ -180,7 +203,8 @@ fn colours_that_have_seen_the_held_out_photos_are_no_measure() {
         let mut nobody = |_: StageEvent<'_>| Continue(());
         let mut progress = StageProgress::new(&mut nobody);
         let outcome =
-            texture(mesh, Some(&mut views), Some(unseen), &AUTO, &mut details, &mut progress).unwrap();
+            texture(mesh, Some(&mut views), Some(unseen), &AUTO, &mut details, &mut progress)
+                .unwrap();
         (outcome, details.psnr_before.unwrap(), details.psnr_after.unwrap())
     };
     let (outcome, before, after) = run(unseen, &mut mesh);
@@ -214,7 +238,9 @@ fn a_texture_is_as_small_as_it_is_asked_to_be() {
         let mut mesh = grey(16);
         let (_, details) = textured(&mut mesh, &TextureOptions { texture_size: most, ..ON });
         let [width, height] = details.size.unwrap();
-        assert!(width <= most && height <= most && width.is_power_of_two() && height.is_power_of_two());
+        assert!(
+            width <= most && height <= most && width.is_power_of_two() && height.is_power_of_two()
+        );
         assert!((most >= 4096) == (details.texels_per_pixel == Some(0.7)), "{details:?}");
         let within = |uv: &Vec2| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all();
         assert!(mesh.texture.unwrap().uvs.as_flattened().iter().all(within));
@@ -249,7 +275,8 @@ pub(super) fn read(glb: &[u8]) -> ImportedScene {
 /// A wall with its texture, through the whole bake.
 pub(super) fn baked(input: Mesh) -> Asset {
     let mut views = Views::drawn(cameras(), photos());
-    let options = BakeOptions { texture: ON, ..BakeOptions::preset(trisplat_bake::BakePreset::Fast) };
+    let options =
+        BakeOptions { texture: ON, ..BakeOptions::preset(trisplat_bake::BakePreset::Fast) };
     Bake::new(&options).photos(&mut views).run([ImportedScene::from(Scene::Mesh(input))]).unwrap()
 }
 
@@ -257,8 +284,11 @@ pub(super) fn baked(input: Mesh) -> Asset {
 fn a_textured_file_reads_back_as_it_was() {
     let asset = baked(grey(4));
     let options = GltfOptions { texture: TextureFormat::Png, ..GltfOptions::default() };
-    let Scene::Mesh(back) = read(&to_glb_bytes(&asset, &options).unwrap()).scene else { panic!("a mesh") };
-    let (of_asset, of_file) = (asset.mesh.texture.as_ref().unwrap(), back.texture.as_ref().unwrap());
+    let Scene::Mesh(back) = read(&to_glb_bytes(&asset, &options).unwrap()).scene else {
+        panic!("a mesh")
+    };
+    let of_asset = asset.mesh.texture.as_ref().unwrap();
+    let of_file = back.texture.as_ref().unwrap();
     assert!(of_asset.pages == of_file.pages, "PNG is exact");
     assert_eq!(asset.mesh.positions, back.positions);
     for (a, b) in of_asset.uvs.as_flattened().iter().zip(of_file.uvs.as_flattened()) {
@@ -302,7 +332,8 @@ fn what_holds_no_texture_is_refused_before_any_work() {
     for name in ["scene.gltf", "scene.obj", "scene.html", "scene.tileset.json"] {
         options.plan_output(Path::new(name), None).unwrap();
     }
-    (options.lod.lod, options.tiles.tiles) = (vec![0.5], false);
+    options.lod.lod = vec![0.5];
+    options.tiles.tiles = false;
     options.plan_output(Path::new("scene.glb"), None).unwrap();
 }
 
@@ -311,14 +342,19 @@ fn levels_have_textures_of_their_own() {
     let bake = |texture: TextureWhen| {
         let mut views = Views::drawn(cameras(), photos());
         let mut options = BakeOptions::preset(trisplat_bake::BakePreset::Fast);
-        (options.texture.texture, options.lod.lod) = (texture, vec![0.5]);
+        options.texture.texture = texture;
+        options.lod.lod = vec![0.5];
         // The wall stays where the cameras see it.
         options.place.up = UpChoice::Given(UpDirection::Axis(UpAxis::Y));
-        Bake::new(&options).photos(&mut views).run([ImportedScene::from(Scene::Mesh(grey(8)))]).unwrap()
+        Bake::new(&options)
+            .photos(&mut views)
+            .run([ImportedScene::from(Scene::Mesh(grey(8)))])
+            .unwrap()
     };
     let [plain, textured] = [TextureWhen::Off, TextureWhen::On].map(bake);
     let level = |asset: &Asset| asset.levels[0].mesh.clone();
-    let (before, after) = (psnr(&level(&plain)), psnr(&level(&textured)));
+    let before = psnr(&level(&plain));
+    let after = psnr(&level(&textured));
     assert!(after > before + 6.0, "{before} {after}");
     let texels = |mesh: &Mesh| mesh.texture.as_ref().unwrap().pages[0].size().element_product();
     let [scene, level] = [&textured.mesh, &level(&textured)].map(texels);
@@ -329,7 +365,8 @@ fn levels_have_textures_of_their_own() {
 /// The grey wall as a connected surface.
 fn connected(across: u32) -> Mesh {
     let mut mesh = grey(across);
-    let (mut positions, mut indices) = (Vec::<Vec3>::new(), Vec::new());
+    let mut positions = Vec::<Vec3>::new();
+    let mut indices = Vec::new();
     for corner in &mesh.positions {
         let known = positions.iter().position(|p| p == corner).unwrap_or(positions.len());
         if known == positions.len() {
@@ -337,8 +374,9 @@ fn connected(across: u32) -> Mesh {
         }
         indices.push(known as u32);
     }
-    (mesh.colors, mesh.positions, mesh.indices) =
-        (Colors::Vertex(vec![[0.2; 3]; positions.len()]), positions, indices);
+    mesh.colors = Colors::Vertex(vec![[0.2; 3]; positions.len()]);
+    mesh.positions = positions;
+    mesh.indices = indices;
     mesh
 }
 
@@ -349,12 +387,18 @@ fn a_connected_surface_stays_connected_and_is_painted_in_charts() {
     let (outcome, details) = textured(&mut mesh, &ON);
     assert_eq!(outcome.unwrap(), Outcome::Changed(()));
     mesh.validate().unwrap();
-    assert_eq!((details.charts, mesh.face_count(), mesh.vertex_count()), (Some(1), 32, 25), "{details:?}");
+    assert_eq!(
+        (details.charts, mesh.face_count(), mesh.vertex_count()),
+        (Some(1), 32, 25),
+        "{details:?}"
+    );
     let after = psnr(&mesh);
     assert!(after > before + 12.0 && after > 28.0, "{before} {after}");
     // Vertices are shared in files, too.
     let options = GltfOptions { texture: TextureFormat::Png, ..GltfOptions::default() };
-    let Scene::Mesh(back) = read(&to_glb_bytes(&Asset::from(mesh.clone()), &options).unwrap()).scene else {
+    let Scene::Mesh(back) =
+        read(&to_glb_bytes(&Asset::from(mesh.clone()), &options).unwrap()).scene
+    else {
         panic!("a mesh")
     };
     assert_eq!((back.vertex_count(), back.indices.len()), (25, 96));
@@ -373,7 +417,8 @@ fn the_best_photos_meet_without_a_seam() {
     };
     let run = |detail: TextureDetail| {
         let photos: Vec<RgbImage> = cameras().iter().enumerate().map(exposed).collect();
-        let (mut views, mut details) = (Views::drawn(cameras(), photos), TextureDetails::default());
+        let mut views = Views::drawn(cameras(), photos);
+        let mut details = TextureDetails::default();
         let mut mesh = connected(8);
         let options = TextureOptions { texture_detail: detail, ..ON };
         texture(
@@ -401,16 +446,21 @@ fn obj_files_hold_the_texture_beside_them() {
         let wants = psnr(&mesh);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a wall.obj");
-        let options = OutputOptions { texture_format: TextureFormat::Png, ..OutputOptions::default() };
+        let options =
+            OutputOptions { texture_format: TextureFormat::Png, ..OutputOptions::default() };
         let written = trisplat_formats::write(&Asset::from(mesh.clone()), &path, &options).unwrap();
-        let mut names: Vec<_> = written.files.iter().map(|f| f.path.rsplit('/').next().unwrap()).collect();
+        let mut names: Vec<_> =
+            written.files.iter().map(|f| f.path.rsplit('/').next().unwrap()).collect();
         names.sort_unstable();
         assert_eq!(names, ["a wall.mtl", "a wall.obj", "a wall.png"]);
         let back = trisplat_formats::read(&path, &ReadOptions::default()).unwrap();
         assert_eq!(back.warnings, [""; 0]);
         let Scene::Mesh(back) = back.scene else { panic!("a mesh") };
         assert_eq!((&back.positions, &back.indices), (&mesh.positions, &mesh.indices));
-        assert!(mesh.texture.unwrap().pages == back.texture.as_ref().unwrap().pages, "PNG is exact");
+        assert!(
+            mesh.texture.unwrap().pages == back.texture.as_ref().unwrap().pages,
+            "PNG is exact"
+        );
         assert!((psnr(&back) - wants).abs() < 0.1);
     }
 }

@@ -13,11 +13,13 @@ use trisplat_scene::{
 fn ground(side: u32) -> Mesh {
     let at = |x: u32, y: u32| Vec3::new(x as f32, 0.0, y as f32);
     let square = |i: u32| {
-        let (x, y) = (i % side, i / side);
+        let x = i % side;
+        let y = i / side;
         [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y), at(x + 1, y + 1), at(x, y + 1)]
     };
     let positions: Vec<Vec3> = (0..side * side).flat_map(square).collect();
-    let colors = (0..positions.len() / 3).map(|i| [i as f32 / positions.len() as f32, 0.5, 0.2]).collect();
+    let colors =
+        (0..positions.len() / 3).map(|i| [i as f32 / positions.len() as f32, 0.5, 0.2]).collect();
     Mesh { positions, colors: Colors::Face(colors), ..Mesh::default() }
 }
 
@@ -75,7 +77,8 @@ fn coarser_tiles_hold_as_many_triangles_of_a_larger_piece() {
     let (asset, _) = cut(ground(90), BakePreset::Fast, 1500);
     let root = asset.tiles.as_deref().unwrap();
     let mut below = |tile: &Tile| {
-        let ((low, high), mut errors) = (bounds(&tile.mesh), Vec::new());
+        let (low, high) = bounds(&tile.mesh);
+        let mut errors = Vec::new();
         for child in &tile.children {
             errors.push(child.error);
             // A tile may reach out of its parent by the size of a triangle that grew.

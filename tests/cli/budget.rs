@@ -7,7 +7,8 @@ use std::path::Path;
 
 fn budget(report: &Path) -> Value {
     let report: Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
-    let train = report["stages"].as_array().unwrap().iter().find(|stage| stage["name"] == "train").unwrap();
+    let train =
+        report["stages"].as_array().unwrap().iter().find(|stage| stage["name"] == "train").unwrap();
     train["details"]["budget"].clone()
 }
 
@@ -33,7 +34,8 @@ fn a_run_with_a_budget_is_repeated_without_it_to_the_bit() {
 #[test]
 fn a_run_with_a_budget_goes_on_with_what_is_left_of_it() {
     let folder = tempfile::tempdir().unwrap();
-    let flags = ["-o", "a.ply", "--budget", "5s", "--max-cpu-secs", "0.000001", "--report", "report.json"];
+    let flags =
+        ["-o", "a.ply", "--budget", "5s", "--max-cpu-secs", "0.000001", "--report", "report.json"];
     let stopped = succeed(&mut train(folder.path(), &flags));
     let before = budget(&folder.path().join("report.json"));
     resume(folder.path(), &stderr(&stopped));
@@ -46,33 +48,47 @@ fn a_run_with_a_budget_goes_on_with_what_is_left_of_it() {
 #[test]
 fn budgets_that_cannot_be_kept_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let (photos, out) = (dataset(), folder.path().join("a.ply"));
+    let photos = dataset();
+    let out = folder.path().join("a.ply");
     let base: [&dyn AsRef<std::ffi::OsStr>; 4] = [&"train", &photos, &"-o", &out];
     let with = |more: &'static [&'static str]| {
         let more: Vec<&dyn AsRef<std::ffi::OsStr>> = more.iter().map(|word| word as _).collect();
         [&base[..], &more[..]].concat()
     };
-    fails(folder.path(), &with(&["--budget", "0.000001s"]), &["--budget is ", "expected ", "or more"]);
+    fails(
+        folder.path(),
+        &with(&["--budget", "0.000001s"]),
+        &["--budget is ", "expected ", "or more"],
+    );
     fails(folder.path(), &with(&["--budget-wall", "0.000001s"]), &["--budget-wall is ", "or more"]);
     fails(folder.path(), &with(&["--budget", "5s", "--set", "steps=7"]), &["--set", "--budget"]);
     // Of a make, most is for the training: the message is about what was typed.
-    let make: [&dyn AsRef<std::ffi::OsStr>; 6] = [&"make", &photos, &"-o", &"a.glb", &"--budget", &"0.02s"];
+    let make: [&dyn AsRef<std::ffi::OsStr>; 6] =
+        [&"make", &photos, &"-o", &"a.glb", &"--budget", &"0.02s"];
     fails(folder.path(), &make, &["--budget is 0.02s: expected ", "or more"]);
     for bad in ["0", "-1", "nan", "abc", "2m-wall"] {
         let value = format!("--budget={bad}");
         let output = super::trisplat(&[&base[..], &[&value]].concat());
         let text = stderr(&output);
-        assert!(output.status.code() == Some(2) && text.contains("30s, 2m or 1.5h"), "{bad}: {text}");
+        assert!(
+            output.status.code() == Some(2) && text.contains("30s, 2m or 1.5h"),
+            "{bad}: {text}"
+        );
     }
     let both = super::trisplat(&with(&["--budget", "5s", "--steps", "7"]));
-    assert!(both.status.code() == Some(2) && stderr(&both).contains("--steps"), "{}", stderr(&both));
+    assert!(
+        both.status.code() == Some(2) && stderr(&both).contains("--steps"),
+        "{}",
+        stderr(&both)
+    );
 }
 
 #[test]
 fn a_budget_does_not_override_what_a_config_gives() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    let (photos, out) = (dataset(), path("a.ply"));
+    let photos = dataset();
+    let out = path("a.ply");
     // The steps of the preset are given all the same.
     std::fs::write(path("steps.json"), r#"{ "steps": 8000 }"#).unwrap();
     std::fs::write(path("milestones.json"), r#"{ "milestones": [1, 2, 3, 4] }"#).unwrap();
@@ -85,7 +101,8 @@ fn a_budget_does_not_override_what_a_config_gives() {
         fails(folder.path(), &train, &[key, "left out of --config", "--budget"]);
     }
     std::fs::write(path("triangles.json"), r#"{ "max_triangles": 1500 }"#).unwrap();
-    let flags = ["-o", "a.ply", "--budget", "5s", "--config", "triangles.json", "--report", "report.json"];
+    let flags =
+        ["-o", "a.ply", "--budget", "5s", "--config", "triangles.json", "--report", "report.json"];
     succeed(&mut train(folder.path(), &flags));
     assert_eq!(budget(&path("report.json"))["plan"]["max_triangles"], 1500);
 }

@@ -107,7 +107,8 @@ impl Fake {
 
 pub(super) fn names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).into_iter().flatten();
-    let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    let mut names: Vec<String> =
+        entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     names
 }
@@ -129,9 +130,11 @@ fn photos_become_a_data_set_and_nothing_is_done_twice() {
     let calls = fake.calls();
     let commands: Vec<&str> = calls.iter().map(|call| call.split(' ').next().unwrap()).collect();
     assert_eq!(commands, ["feature_extractor", "exhaustive_matcher", "mapper"]);
-    for option in
-        ["--ImageReader.single_camera 1", "--SiftExtraction.use_gpu 0", "--SiftExtraction.max_image_size"]
-    {
+    for option in [
+        "--ImageReader.single_camera 1",
+        "--SiftExtraction.use_gpu 0",
+        "--SiftExtraction.max_image_size",
+    ] {
         assert!(calls[0].contains(option), "{}", calls[0]);
     }
     assert!(!calls[0].contains("num_threads"), "this version has no such option: {}", calls[0]);
@@ -154,14 +157,20 @@ fn photos_become_a_data_set_and_nothing_is_done_twice() {
         (Some(40), Some("good")),
         "{verdict}"
     );
-    assert!(verdict["error_px"].as_f64().unwrap() < 0.5 && verdict["exposure"].as_f64().unwrap() < 0.07);
+    assert!(
+        verdict["error_px"].as_f64().unwrap() < 0.5 && verdict["exposure"].as_f64().unwrap() < 0.07
+    );
 
     let again = fake.succeed(&CAPTURE);
     assert_eq!(again.matches("done before").count(), 4, "{again}");
     assert!(fake.calls().is_empty());
     // Other photos are another capture.
     std::fs::remove_file(fake.at("photos/view_0003.png")).unwrap();
-    assert!(fake.error(&CAPTURE).contains("the capture of other inputs"), "{}", fake.error(&CAPTURE));
+    assert!(
+        fake.error(&CAPTURE).contains("the capture of other inputs"),
+        "{}",
+        fake.error(&CAPTURE)
+    );
     let said = fake.succeed(&[&CAPTURE[..], &["--force"]].concat());
     assert!(said.contains("39 photos") && names(&fake.at("set/images")).len() == 39, "{said}");
 }
@@ -173,12 +182,17 @@ fn photos_without_poses_are_counted_and_advice_is_given() {
     // Every photo has two lines; those of two neighbours go.
     let text = std::fs::read_to_string(&images).unwrap();
     let (head, rows): (Vec<&str>, Vec<&str>) = text.lines().partition(|line| line.starts_with('#'));
-    let kept = rows.chunks(2).filter(|pair| !["view_0010", "view_0011"].iter().any(|n| pair[0].contains(n)));
+    let kept = rows
+        .chunks(2)
+        .filter(|pair| !["view_0010", "view_0011"].iter().any(|n| pair[0].contains(n)));
     let lines: Vec<&str> = head.into_iter().chain(kept.flatten().copied()).collect();
     std::fs::write(&images, lines.join("\n") + "\n").unwrap();
     let said = fake.succeed(&CAPTURE);
     assert!(said.contains("38 of 40 photos have a pose"), "{said}");
-    assert!(said.contains("take more photos between view_0009.png and view_0012.png: 2 there"), "{said}");
+    assert!(
+        said.contains("take more photos between view_0009.png and view_0012.png: 2 there"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -209,12 +223,17 @@ fn what_is_missing_or_fails_is_one_error_with_its_remedy() {
     assert!(calls[0].starts_with("exhaustive_matcher") && calls.len() == 2, "{calls:?}");
 
     std::fs::write(fake.at("photos/IMG_1.NEF"), "x").unwrap();
-    assert!(fake.error(&["capture", "photos", "-o", "other"]).contains("IMG_1.NEF: is a raw photo"));
+    assert!(
+        fake.error(&["capture", "photos", "-o", "other"]).contains("IMG_1.NEF: is a raw photo")
+    );
     assert!(fake.error(&["capture", "model", "-o", "other"]).contains("holds no photo"));
     assert!(fake.error(&["capture", "photos", "-o", "model"]).contains("raw photo"));
     std::fs::remove_file(fake.at("photos/IMG_1.NEF")).unwrap();
     assert!(fake.error(&["capture", "photos", "-o", "model"]).contains("a new or empty folder"));
-    assert!(fake.error(&["capture", "photos", "-o", "photos/set"]).contains("a folder outside of photos"));
+    assert!(
+        fake.error(&["capture", "photos", "-o", "photos/set"])
+            .contains("a folder outside of photos")
+    );
     assert!(!fake.at("other").exists() && !fake.at("photos/set").exists());
 }
 
@@ -251,7 +270,9 @@ fn a_capture_that_is_interrupted_leaves_no_program_behind_and_goes_on_later() {
     };
     wait_for("orphans", || pids.split_whitespace().all(is_gone));
     assert!(!fake.at("set/sparse").exists());
-    assert!(names(&fake.at("set")).iter().all(|name| ["images", "capture"].contains(&name.as_str())));
+    assert!(
+        names(&fake.at("set")).iter().all(|name| ["images", "capture"].contains(&name.as_str()))
+    );
     std::fs::remove_file(fake.at("waits")).unwrap();
     fake.calls();
     let said = fake.succeed(&CAPTURE);
@@ -303,8 +324,11 @@ fn photos_are_turned_upright_and_cameras_of_other_sizes_kept_apart() {
     assert!(fake.calls()[0].contains("--ImageReader.single_camera_per_folder 1"));
     let made = RgbImage::load(&fake.at("set/images").join(&wide).join("a.jpg")).unwrap();
     assert_eq!(made.size, upright.size);
-    let apart =
-        made.rgb.iter().zip(&upright.rgb).flat_map(|(a, b)| (0..3).map(|c| f64::from(a[c].abs_diff(b[c]))));
+    let apart = made
+        .rgb
+        .iter()
+        .zip(&upright.rgb)
+        .flat_map(|(a, b)| (0..3).map(|c| f64::from(a[c].abs_diff(b[c]))));
     let mean = apart.sum::<f64>() / (3.0 * made.rgb.len() as f64);
     assert!(mean < 3.0, "{mean} codes");
     let untouched = std::fs::read(fake.at("set/images").join(&wide).join("b.jpg")).unwrap();
@@ -346,7 +370,8 @@ pub(super) fn eprintln_not_checked(why: &str) {
 #[test]
 fn pycolmap_finds_the_poses_of_the_sample() {
     let python = std::env::var("TRISPLAT_POSES").unwrap_or("python3".into());
-    let probe = Command::new(&python).args(["-c", "import pycolmap"]).stderr(Stdio::null()).status();
+    let probe =
+        Command::new(&python).args(["-c", "import pycolmap"]).stderr(Stdio::null()).status();
     if !probe.is_ok_and(|status| status.success()) {
         eprintln_not_checked("no pycolmap in python3; TRISPLAT_POSES names another Python");
         return;
@@ -361,15 +386,18 @@ fn pycolmap_finds_the_poses_of_the_sample() {
     crate::samples::photos(folder.path().join("truth"), [16, 480, 1500], 0);
     let said = trisplat(&format!("capture truth/images -o set --poses {python}"));
     assert!(said.contains("16 of 16 photos have a pose") && said.contains("pycolmap"), "{said}");
-    let load = |name: &str| Dataset::load(folder.path().join(name), &DatasetOptions::default()).unwrap();
-    let (found, truth) = (load("set"), load("truth"));
+    let load =
+        |name: &str| Dataset::load(folder.path().join(name), &DatasetOptions::default()).unwrap();
+    let found = load("set");
+    let truth = load("truth");
     // Poses are found up to a similarity: ratios of distances between cameras are the same.
     let ratio = |set: &Dataset, a: usize, b: usize| {
         let at = |i: usize| set.views[i].camera.position();
         at(a).distance(at(b)) / at(0).distance(at(8))
     };
     for (a, b) in [(1, 5), (3, 12), (0, 15), (7, 11)] {
-        let (found, truth) = (ratio(&found, a, b), ratio(&truth, a, b));
+        let found = ratio(&found, a, b);
+        let truth = ratio(&truth, a, b);
         assert!((found / truth - 1.0).abs() < 0.03, "{a} {b}: {found} {truth}");
     }
 }
@@ -377,7 +405,8 @@ fn pycolmap_finds_the_poses_of_the_sample() {
 /// A block of EXIF: orientation, size and focal length.
 pub(super) fn exif(orientation: u16, size: [u16; 2], focal_35: u16) -> Vec<u8> {
     let entry = |tag: u16, kind: u16, value: u32| {
-        [&tag.to_le_bytes()[..], &kind.to_le_bytes(), &1u32.to_le_bytes(), &value.to_le_bytes()].concat()
+        [&tag.to_le_bytes()[..], &kind.to_le_bytes(), &1u32.to_le_bytes(), &value.to_le_bytes()]
+            .concat()
     };
     let table = |entries: &[Vec<u8>]| {
         [&(entries.len() as u16).to_le_bytes()[..], &entries.concat(), &[0; 4]].concat()
@@ -390,7 +419,9 @@ pub(super) fn exif(orientation: u16, size: [u16; 2], focal_35: u16) -> Vec<u8> {
 
 /// A HEIC file with a JPEG for [`Fake::converter`].
 pub(super) fn heic(exif: &[u8], jpeg: &[u8]) -> Vec<u8> {
-    let part = |name: &[u8], body: &[u8]| [&(8 + body.len() as u32).to_be_bytes()[..], name, body].concat();
+    let part = |name: &[u8], body: &[u8]| {
+        [&(8 + body.len() as u32).to_be_bytes()[..], name, body].concat()
+    };
     let item = part(b"infe", b"\x02\0\0\0\0\x01\0\0Exif\0");
     let items = part(b"iinf", &[&b"\0\0\0\0\0\x01"[..], &item].concat());
     let data = part(b"idat", &[&[0; 4], exif].concat());
@@ -410,15 +441,18 @@ fn heic_photos_are_converted_upright_with_their_focal_length() {
     // Upright, its upper half is red.
     let red = |[w, h]: [u32; 2], is_red: &dyn Fn(u32, u32) -> bool| {
         let pixel = |i: u32| if is_red(i % w, i / w) { [200, 20, 20] } else { [20, 20, 200] };
-        let picture = RgbImage { size: [w, h].into(), rgb: (0..w * h).map(pixel).collect(), alpha: None };
+        let picture =
+            RgbImage { size: [w, h].into(), rgb: (0..w * h).map(pixel).collect(), alpha: None };
         picture.to_jpeg(95).unwrap()
     };
-    let (upright, lying) = (red([60, 80], &|_, y| y < 40), red([80, 60], &|x, _| x < 40));
+    let upright = red([60, 80], &|_, y| y < 40);
+    let lying = red([80, 60], &|x, _| x < 40);
     let noted = |jpeg: &[u8], notes: &[u8]| {
         let length = (2 + 6 + notes.len() as u16).to_be_bytes();
         [&jpeg[..2], b"\xff\xe1", &length, b"Exif\0\0", notes, &jpeg[2..]].concat()
     };
-    for (name, jpeg) in [("a", upright.clone()), ("b", noted(&upright, &notes)), ("c", noted(&lying, &notes))]
+    for (name, jpeg) in
+        [("a", upright.clone()), ("b", noted(&upright, &notes)), ("c", noted(&lying, &notes))]
     {
         std::fs::write(fake.at(&format!("phone/{name}.HEIC")), heic(&notes, &jpeg)).unwrap();
     }
@@ -462,11 +496,22 @@ fn heic_photos_are_converted_upright_with_their_focal_length() {
 #[test]
 fn make_leaves_a_broken_photo_out_if_that_is_wanted() {
     let fake = Fake::new();
-    let picture = RgbImage { size: [64, 48].into(), rgb: vec![[200, 90, 30]; 64 * 48], alpha: None };
+    let picture =
+        RgbImage { size: [64, 48].into(), rgb: vec![[200, 90, 30]; 64 * 48], alpha: None };
     let jpeg = picture.to_jpeg(90).unwrap();
     std::fs::write(fake.at("photos/broken.jpg"), &jpeg[..jpeg.len() / 2]).unwrap();
-    let make =
-        ["make", "photos", "-o", "scene.glb", "--steps", "200", "--max-size", "60", "--max-triangles", "500"];
+    let make = [
+        "make",
+        "photos",
+        "-o",
+        "scene.glb",
+        "--steps",
+        "200",
+        "--max-size",
+        "60",
+        "--max-triangles",
+        "500",
+    ];
     let error = fake.error(&make);
     assert!(error.contains("broken.jpg") && error.contains("1 of 41 photos is broken"), "{error}");
     assert!(error.ends_with("or skip them with --skip-broken"), "{error}");
@@ -496,7 +541,11 @@ fn with_points(fake: &Fake, most: usize) {
     let mut is_pose = false;
     let lines = images.lines().map(|line| {
         is_pose = !line.starts_with('#') && !is_pose;
-        if is_pose || line.starts_with('#') || line.is_empty() { line.to_owned() } else { seen(line) }
+        if is_pose || line.starts_with('#') || line.is_empty() {
+            line.to_owned()
+        } else {
+            seen(line)
+        }
     });
     let text = lines.collect::<Vec<_>>().join("\n") + "\n";
     std::fs::write(fake.at("model/images.txt"), text).unwrap();
@@ -507,10 +556,23 @@ fn a_hopeless_capture_stops_before_training_unless_told_to_go_on() {
     let fake = Fake::new();
     // Fewer than eight for each of the 40 photos, but each photo sees more than ten.
     with_points(&fake, 300);
-    let make =
-        ["make", "photos", "-o", "scene.glb", "--steps", "100", "--max-size", "60", "--max-triangles", "300"];
+    let make = [
+        "make",
+        "photos",
+        "-o",
+        "scene.glb",
+        "--steps",
+        "100",
+        "--max-size",
+        "60",
+        "--max-triangles",
+        "300",
+    ];
     let error = fake.error(&make);
-    assert!(error.contains("is a poor capture: 300 points tie") && error.contains("--anyway"), "{error}");
+    assert!(
+        error.contains("is a poor capture: 300 points tie") && error.contains("--anyway"),
+        "{error}"
+    );
     assert!(!fake.at("scene.glb").exists() && !fake.at("scene.make/scene.ply").exists());
     let said = fake.succeed(&[&make[..], &["--anyway"]].concat());
     assert!(said.contains("done before") && fake.at("scene.glb").exists(), "{said}");

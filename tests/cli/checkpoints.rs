@@ -19,7 +19,15 @@ fn stopped() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     crate::samples::photos(folder.path().join("photos"), [6, 24, 40], 0);
     let options = [
-        "--steps", "20", "--max-triangles", "200", "--background", "#203040", "--max-size", "20", "--preset",
+        "--steps",
+        "20",
+        "--max-triangles",
+        "200",
+        "--background",
+        "#203040",
+        "--max-size",
+        "20",
+        "--preset",
         "outdoor",
     ];
     let every = ["-o", "a.ply", "--checkpoint-every", "15"];
@@ -47,7 +55,8 @@ fn a_run_goes_on_with_what_it_was_made_of_or_not_at_all() {
     let folder = stopped();
     refused(folder.path(), &SAME[..2], "px and is 24x");
     refused(folder.path(), &SAME[2..], "its background was #203040 and is #000000 (--background)");
-    let forced = succeed(run(folder.path(), &[&RESUME[..], &SAME[2..], &["--force-resume"]].concat()));
+    let forced =
+        succeed(run(folder.path(), &[&RESUME[..], &SAME[2..], &["--force-resume"]].concat()));
     assert!(forced.contains("warning: resumed although its background was #203040"), "{forced}");
     std::fs::remove_file(folder.path().join("b.ply")).unwrap();
     succeed(run(folder.path(), &[&RESUME[..], &SAME].concat()));
@@ -84,7 +93,15 @@ fn a_run_goes_on_with_what_it_was_made_of_or_not_at_all() {
 fn the_last_checkpoints_are_kept_and_the_newest_whole_one_is_found() {
     let folder = stopped();
     let options = [
-        "--steps", "20", "--max-triangles", "200", "--checkpoint-every", "5", "--keep", "2", "--preset",
+        "--steps",
+        "20",
+        "--max-triangles",
+        "200",
+        "--checkpoint-every",
+        "5",
+        "--keep",
+        "2",
+        "--preset",
         "outdoor",
     ];
     let train = ["train", "photos", "-o", "b.ply", "--checkpoint", "kept/b.checkpoint"];
@@ -92,8 +109,9 @@ fn the_last_checkpoints_are_kept_and_the_newest_whole_one_is_found() {
     succeed(run(folder.path(), &[&train[..], &options, &SAME].concat()));
     let names = || {
         let entries = std::fs::read_dir(folder.path().join("kept")).unwrap();
-        let mut names: Vec<String> =
-            entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
+        let mut names: Vec<String> = entries
+            .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+            .collect();
         names.sort();
         names
     };
@@ -107,7 +125,10 @@ fn the_last_checkpoints_are_kept_and_the_newest_whole_one_is_found() {
     let resume = ["train", "photos", "-o", "c.ply", "--resume", "kept"];
     let said = succeed(run(folder.path(), &[&resume[..], &SAME].concat()));
     assert!(said.contains("checksum: does not fit"), "{said}");
-    assert!(said.contains("resuming from kept") && said.contains("b.step-00000015.checkpoint"), "{said}");
+    assert!(
+        said.contains("resuming from kept") && said.contains("b.step-00000015.checkpoint"),
+        "{said}"
+    );
     let bytes = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     assert!(bytes("b.ply") == bytes("c.ply"));
     // A new run does not push the files of another out.
@@ -117,7 +138,13 @@ fn the_last_checkpoints_are_kept_and_the_newest_whole_one_is_found() {
     let output = run(folder.path(), &[&train[..], &options, &SAME].concat());
     assert!(stderr(&output).contains("--checkpoint is kept"), "{}", stderr(&output));
     let empty = tempfile::tempdir().unwrap();
-    let none =
-        run(folder.path(), &["train", "photos", "-o", "e.ply", "--resume", empty.path().to_str().unwrap()]);
-    assert!(stderr(&none).contains("holds no file that ends with .checkpoint"), "{}", stderr(&none));
+    let none = run(
+        folder.path(),
+        &["train", "photos", "-o", "e.ply", "--resume", empty.path().to_str().unwrap()],
+    );
+    assert!(
+        stderr(&none).contains("holds no file that ends with .checkpoint"),
+        "{}",
+        stderr(&none)
+    );
 }

@@ -7,10 +7,12 @@ use trisplat_synthetic::SyntheticOptions;
 
 /// Runs an example in `folder` and returns what it prints.
 fn run(name: &str, folder: &Path, arguments: &[&str]) -> String {
-    let program = PathBuf::from(env!("CARGO_BIN_EXE_trisplat")).with_file_name("examples").join(name);
+    let program =
+        PathBuf::from(env!("CARGO_BIN_EXE_trisplat")).with_file_name("examples").join(name);
     let program = program.with_extension(std::env::consts::EXE_EXTENSION);
     assert!(program.is_file(), "{} is not built: cargo build --examples", program.display());
-    let done = Command::new(program).current_dir(folder).args(arguments).output().expect("it starts");
+    let done =
+        Command::new(program).current_dir(folder).args(arguments).output().expect("it starts");
     assert!(done.status.success(), "{name}: {}", String::from_utf8_lossy(&done.stderr));
     String::from_utf8(done.stdout).expect("it prints text")
 }
@@ -32,7 +34,9 @@ fn the_example_bakes_with_the_preset_that_it_was_asked_for() {
     let printed = run("bake", folder.path(), &[&scene, "scene.glb"]);
     let program = Command::new(env!("CARGO_BIN_EXE_trisplat"));
     let arguments = ["bake", &scene, "-o", "same.glb", "--preset", "small"];
-    assert!({ program }.current_dir(folder.path()).args(arguments).output().unwrap().status.success());
+    assert!(
+        { program }.current_dir(folder.path()).args(arguments).output().unwrap().status.success()
+    );
     let [library, program] =
         ["scene.glb", "same.glb"].map(|name| std::fs::read(folder.path().join(name)).expect(name));
     assert!(library == program, "{} and {} bytes", library.len(), program.len());

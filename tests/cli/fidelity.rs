@@ -40,7 +40,8 @@ pub(super) fn inputs() -> (String, String, tempfile::TempDir) {
 
 /// Evaluates `file` on the sample's held-out photos: the report, and the folder the drawings are in.
 fn evaluated(file: &str, folder: &Path, name: &str, more: &[&str]) -> (EvalReport, PathBuf) {
-    let (renders, report) = (folder.join(name), folder.join(name).with_extension("json"));
+    let renders = folder.join(name);
+    let report = folder.join(name).with_extension("json");
     let [renders_text, report_text] = [&renders, &report].map(|p| p.to_str().unwrap());
     let dataset = sample("dataset");
     let fixed = ["eval", file, dataset.to_str().unwrap(), "--save-renders", renders_text];
@@ -62,7 +63,12 @@ fn check_scores(step: &StepScore, renders: &Path) {
             metric::ssim(photo.size, &photo.rgb, &drawn.rgb, None),
             metric::flip(photo.size, &photo.rgb, &drawn.rgb, None),
         ];
-        assert_eq!([image.score.psnr, image.score.ssim, image.score.flip], scores, "{}", image.name);
+        assert_eq!(
+            [image.score.psnr, image.score.ssim, image.score.flip],
+            scores,
+            "{}",
+            image.name
+        );
         sum = std::array::from_fn(|i| sum[i] + scores[i]);
     }
     for (mean, sum) in [step.mean.psnr, step.mean.ssim, step.mean.flip].iter().zip(sum) {
@@ -123,14 +129,18 @@ fn corrected_figures_do_not_depend_on_the_light_of_a_held_out_photo() {
     for image in &plain.steps[0].images {
         let path = other.join("images").join(&image.name);
         let photo = RgbImage::load(&path).unwrap();
-        let taken =
-            |[r, g, b]: &[u8; 3]| [(0.7, *r), (0.8, *g), (0.6, *b)].map(|(by, c)| (by * f64::from(c)) as u8);
+        let taken = |[r, g, b]: &[u8; 3]| {
+            [(0.7, *r), (0.8, *g), (0.6, *b)].map(|(by, c)| (by * f64::from(c)) as u8)
+        };
         let rgb = photo.rgb.iter().map(taken).collect();
         RgbImage { rgb, ..photo }.save_png(&path).unwrap();
     }
     let other = scored(&other, "other.json");
     let [plain, other] = [&plain, &other].map(|report| report.steps[0].mean);
-    assert!(plain.psnr_corrected >= plain.psnr && plain.psnr_corrected < plain.psnr + 1.0, "{plain:?}");
+    assert!(
+        plain.psnr_corrected >= plain.psnr && plain.psnr_corrected < plain.psnr + 1.0,
+        "{plain:?}"
+    );
     assert!(other.psnr < plain.psnr - 5.0, "{other:?}");
     // Errors are smaller where all is darker: by the mean of the three gains, which is 3.1 dB.
     let gained = other.psnr_corrected - plain.psnr_corrected;
@@ -170,7 +180,8 @@ fn a_file_is_drawn_like_the_scene_it_was_made_from() {
     let written = |name: &str, more: &[&str]| {
         let path = folder.path().join(name).to_str().unwrap().to_owned();
         succeed(&[&["bake", &soup, "-o", &path, "-q"], more].concat());
-        let (report, own) = evaluated(&path, folder.path(), &format!("of_{name}"), &["--ssaa", "2"]);
+        let (report, own) =
+            evaluated(&path, folder.path(), &format!("of_{name}"), &["--ssaa", "2"]);
         assert_eq!((report.steps.len(), report.steps[0].name.as_str()), (1, "solid"));
         assert_eq!(report.steps[0].triangles, whole.steps[1].triangles);
         check_scores(&report.steps[0], &own);
@@ -204,10 +215,13 @@ fn independent(renders: &Path, photos: &Path, ours: &StepScore) {
     let mut python = Command::new("python3");
     python.arg(script).arg(renders).arg(photos).arg("--json").arg(&json);
     if !python.output().is_ok_and(|o| o.status.success()) {
-        crate::skip::skipped("no ../shared/metrics/compare.py, or no Python with numpy, pillow and scipy");
+        crate::skip::skipped(
+            "no ../shared/metrics/compare.py, or no Python with numpy, pillow and scipy",
+        );
         return;
     }
-    let theirs: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(json).unwrap()).unwrap();
+    let theirs: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(json).unwrap()).unwrap();
     let theirs = theirs["images"].as_array().unwrap();
     assert_eq!(theirs.len(), ours.images.len());
     for (theirs, ours) in theirs.iter().zip(&ours.images) {
@@ -227,7 +241,8 @@ fn pictures_are_of_the_asked_kind_and_the_same_every_time() {
         let out = folder.path().join(name).to_str().unwrap().to_owned();
         let all = [&["render", &soup, "-o", &out, "--max-size", "64"], more].concat();
         succeed(&all);
-        let mut names: Vec<PathBuf> = std::fs::read_dir(&out).unwrap().map(|e| e.unwrap().path()).collect();
+        let mut names: Vec<PathBuf> =
+            std::fs::read_dir(&out).unwrap().map(|e| e.unwrap().path()).collect();
         names.sort();
         names.iter().map(|path| RgbImage::load(path).unwrap()).collect::<Vec<_>>()
     };
@@ -238,7 +253,10 @@ fn pictures_are_of_the_asked_kind_and_the_same_every_time() {
     let mut kinds = vec![color];
     for show in ["depth", "normal"] {
         let pictures = draw(show, &["--dataset", &dataset, "--show", show]);
-        assert!(pictures.iter().all(|p| p.rgb.iter().any(|c| *c != p.rgb[0])), "{show} is of one colour");
+        assert!(
+            pictures.iter().all(|p| p.rgb.iter().any(|c| *c != p.rgb[0])),
+            "{show} is of one colour"
+        );
         assert!(!kinds.contains(&pictures), "{show} is another kind's picture");
         kinds.push(pictures);
     }
@@ -250,7 +268,10 @@ fn pictures_are_of_the_asked_kind_and_the_same_every_time() {
         ("wires", &["--as", "solid", "--show", "wires"]),
     ] {
         let pictures = draw(name, &[&["--dataset", &dataset][..], more].concat());
-        assert!(pictures.iter().all(|p| p.rgb.iter().any(|c| *c != p.rgb[0])), "{name} is of one colour");
+        assert!(
+            pictures.iter().all(|p| p.rgb.iter().any(|c| *c != p.rgb[0])),
+            "{name} is of one colour"
+        );
         assert!(!kinds.contains(&pictures), "{name} is another kind's picture");
         kinds.push(pictures);
     }
@@ -262,13 +283,24 @@ fn pictures_are_of_the_asked_kind_and_the_same_every_time() {
 fn what_cannot_be_drawn_says_why() {
     let (soup, dataset, folder) = inputs();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let (mesh, out, report) = (path("mesh.glb"), path("out"), path("eval.json"));
+    let mesh = path("mesh.glb");
+    let out = path("out");
+    let report = path("eval.json");
     succeed(&["bake", &soup, "-o", &mesh, "-q"]);
-    fail(&["eval", &mesh, &dataset, "--as", "soft"], &["mesh.glb", "mesh", "trained soup", "--as solid"]);
-    fail(&["render", &mesh, "-o", &out, "--orbit", "1", "--as", "soft"], &["mesh.glb", "trained soup"]);
+    fail(
+        &["eval", &mesh, &dataset, "--as", "soft"],
+        &["mesh.glb", "mesh", "trained soup", "--as solid"],
+    );
+    fail(
+        &["render", &mesh, "-o", &out, "--orbit", "1", "--as", "soft"],
+        &["mesh.glb", "trained soup"],
+    );
     fail(&["eval", &mesh, &dataset, "--ssaa", "3"], &["--ssaa", "1, 2 or 4"]);
     let wires = ["--orbit", "1", "--show", "wires"];
-    fail(&[&["render", &soup, "-o", &out][..], &wires].concat(), &["--show", "only a baked file has wires"]);
+    fail(
+        &[&["render", &soup, "-o", &out][..], &wires].concat(),
+        &["--show", "only a baked file has wires"],
+    );
     let large = ["--orbit", "1", "--width", "16384", "--ssaa", "4"];
     fail(&[&["render", &mesh, "-o", &out][..], &large].concat(), &["--limit camera_pixels="]);
     let large = [&large[..], &["--limit", "camera_pixels=300000000"]].concat();
@@ -277,7 +309,10 @@ fn what_cannot_be_drawn_says_why() {
     fail(&["eval", &soup, &dataset, "--test-every", "0"], &["--split", "train or all"]);
     fail(&["render", &soup, "-o", &out], &["--dataset"]);
     succeed(&["render", &soup, "-o", &out, "--orbit", "1", "--width", "8"]);
-    fail(&["render", &soup, "-o", &out, "--orbit", "1", "--width", "8"], &["orbit_0000.png", "--force"]);
+    fail(
+        &["render", &soup, "-o", &out, "--orbit", "1", "--width", "8"],
+        &["orbit_0000.png", "--force"],
+    );
     succeed(&["render", &soup, "-o", &out, "--orbit", "1", "--width", "8", "--force"]);
     std::fs::write(&report, "mine").unwrap();
     fail(&["eval", &soup, &dataset, "--report", &report], &["eval.json", "--force"]);

@@ -21,11 +21,16 @@ fn nothing_beside_the_photos_runs() {
     };
     let python = String::from_utf8(python.stdout).unwrap();
     let fake = Fake::new();
-    let (photos, tools) = (fake.at("photos"), fake.at("tools"));
+    let photos = fake.at("photos");
+    let tools = fake.at("tools");
     std::fs::create_dir(&tools).unwrap();
     fake.program(
         "tools/python3",
-        &format!("#!/bin/sh\necho >> '{}'\nexec '{}' \"$@\"\n", fake.at("asked").display(), python.trim()),
+        &format!(
+            "#!/bin/sh\necho >> '{}'\nexec '{}' \"$@\"\n",
+            fake.at("asked").display(),
+            python.trim()
+        ),
     );
     let asked = || std::fs::read(fake.at("asked")).unwrap_or_default().len();
     let ran = fake.at("ran");
@@ -34,19 +39,28 @@ fn nothing_beside_the_photos_runs() {
         Command::new("chmod").arg("+x").arg(photos.join(name)).status().unwrap();
     };
     for name in MODULES {
-        plant(&format!("{name}.py"), format!("open({:?}, 'a').write({name:?})\n", ran.display().to_string()));
+        plant(
+            &format!("{name}.py"),
+            format!("open({:?}, 'a').write({name:?})\n", ran.display().to_string()),
+        );
     }
     for name in ["colmap", "heif-convert", "ffmpeg", "magick", "glomap", "python"] {
         plant(
             name,
-            format!("#!/bin/sh\necho {name} >> '{}'\necho ffmpeg version heic COLMAP 3.8\n", ran.display()),
+            format!(
+                "#!/bin/sh\necho {name} >> '{}'\necho ffmpeg version heic COLMAP 3.8\n",
+                ran.display()
+            ),
         );
     }
     std::fs::write(photos.join("a.heic"), heic(&exif(1, [80, 60], 26), b"")).unwrap();
     // The folder of the photos is the current one, and an empty part of a path stands for it.
     let capture = || {
         let mut command = fake.command(&["capture", ".", "-o", "../set"]);
-        command.current_dir(&photos).env("PATH", format!(":{}", tools.display())).env("PYTHONPATH", ":");
+        command
+            .current_dir(&photos)
+            .env("PATH", format!(":{}", tools.display()))
+            .env("PYTHONPATH", ":");
         command.output().unwrap()
     };
     let missing = capture();
@@ -55,7 +69,10 @@ fn nothing_beside_the_photos_runs() {
     assert!(asked() == 1, "pycolmap is asked for first");
     // The next program is asked whether it reads HEIC.
     let mut command = fake.command(&["capture", ".", "-o", "../set", "--poses", "../colmap"]);
-    command.current_dir(&photos).env("PATH", format!(":{}", tools.display())).env("PYTHONPATH", ":");
+    command
+        .current_dir(&photos)
+        .env("PATH", format!(":{}", tools.display()))
+        .env("PYTHONPATH", ":");
     let missing = stderr(&command.output().unwrap());
     assert!(missing.contains("a.heic") && asked() == 2 && !ran.exists(), "{missing}");
     // A program that the user names by its place is found there.
@@ -84,7 +101,15 @@ fn a_photos_name_writes_nothing_outside_of_the_output() {
     let jpeg = jpeg.to_jpeg(90).unwrap();
     std::fs::create_dir(fake.at("phone")).unwrap();
     // The second is hidden.
-    let stems = [r"x\..\..\..\..\..\precious", r"..\..\precious", "-o", "c:precious", "a\nb", "nul", "%d[0]"];
+    let stems = [
+        r"x\..\..\..\..\..\precious",
+        r"..\..\precious",
+        "-o",
+        "c:precious",
+        "a\nb",
+        "nul",
+        "%d[0]",
+    ];
     for stem in stems {
         std::fs::write(fake.at("phone").join(format!("{stem}.heic")), heic(&notes, &jpeg)).unwrap();
         std::fs::write(fake.at("phone").join(format!("{stem}.jpeg")), &jpeg).unwrap();
@@ -95,13 +120,17 @@ fn a_photos_name_writes_nothing_outside_of_the_output() {
     let output = fake.run(&["capture", "phone", "-o", "out/a/b/set"]);
     assert!(stderr(&output).contains("12 photos"), "{}", stderr(&output));
     assert_eq!(outside(&fake), before);
-    let folders = ["64x48", "64x48-26mm"].map(|folder| names(&fake.at("out/a/b/set/images").join(folder)));
+    let folders =
+        ["64x48", "64x48-26mm"].map(|folder| names(&fake.at("out/a/b/set/images").join(folder)));
     let taken = folders.concat();
     assert_eq!(taken.len(), 12, "{taken:?}");
     for name in &taken {
         assert!(!name.starts_with('-') && !name.contains(['\\', ':', '\n', '/']), "{name:?}");
     }
-    assert!(taken.contains(&"_nul.jpg".into()) && taken.contains(&"%d[0].jpeg".into()), "{taken:?}");
+    assert!(
+        taken.contains(&"_nul.jpg".into()) && taken.contains(&"%d[0].jpeg".into()),
+        "{taken:?}"
+    );
 }
 
 #[test]
@@ -124,12 +153,19 @@ fn a_program_takes_no_name_for_a_pattern_an_option_or_a_protocol() {
         capture(&format!("--output={folder}"), &["walk.mp4"]);
         let set = Path::new(".").join(folder);
         let images = names(&fake.folder().join(set).join("images"));
-        assert!((2..=5).contains(&images.len()) && images[0].starts_with("frame_"), "{folder}: {images:?}");
+        assert!(
+            (2..=5).contains(&images.len()) && images[0].starts_with("frame_"),
+            "{folder}: {images:?}"
+        );
     }
     // In a folder, a name that begins with a dot is hidden.
     capture("--output=set", &["clips", "clips/...mp4"]);
     assert_eq!(names(&fake.at("set/images")), ["%03d_a", "_", "_i", "file_x"]);
-    assert_eq!(names(&fake.at("set")), ["capture", "images", "sparse"], "frames are in their folders");
+    assert_eq!(
+        names(&fake.at("set")),
+        ["capture", "images", "sparse"],
+        "frames are in their folders"
+    );
     let pairs = std::fs::read_to_string(fake.at("set/capture/pairs.txt")).unwrap();
     assert!(pairs.lines().all(|line| line.split(' ').count() == 2), "{pairs}");
 }
@@ -141,7 +177,8 @@ fn a_link_to_itself_is_no_output() {
     let scene = super::sample("studio.ply");
     for force in [&[][..], &["--force"]] {
         let bake =
-            [&["bake", scene.to_str().unwrap(), "-o", "round.glb", "--preset", "fast"], force].concat();
+            [&["bake", scene.to_str().unwrap(), "-o", "round.glb", "--preset", "fast"], force]
+                .concat();
         let error = fake.error(&bake);
         assert!(error.contains("round.glb") && error.contains("leads to itself"), "{error}");
         assert!(fake.at("round.glb").is_symlink());
@@ -158,7 +195,8 @@ fn a_broken_photo_is_named_by_its_own_name() {
     std::fs::create_dir(fake.at("phone")).unwrap();
     // Without a head, and without a body in a photo that is turned.
     let turned =
-        [&jpeg[..2], &[0xff, 0xe1, 0, 34], b"Exif\0\0", &exif_of(3), &jpeg[2..jpeg.len() / 2]].concat();
+        [&jpeg[..2], &[0xff, 0xe1, 0, 34], b"Exif\0\0", &exif_of(3), &jpeg[2..jpeg.len() / 2]]
+            .concat();
     for broken in [&jpeg[..20], &turned] {
         std::fs::write(fake.at("phone/a.heic"), heic(&notes, broken)).unwrap();
         let error = fake.error(&["capture", "phone", "-o", "set"]);
@@ -173,5 +211,6 @@ fn a_broken_photo_is_named_by_its_own_name() {
 
 /// TIFF with an orientation alone.
 fn exif_of(orientation: u8) -> Vec<u8> {
-    [&b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0"[..], &[orientation, 0, 0, 0, 0, 0, 0, 0]].concat()
+    [&b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0"[..], &[orientation, 0, 0, 0, 0, 0, 0, 0]]
+        .concat()
 }

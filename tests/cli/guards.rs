@@ -12,8 +12,13 @@ use trisplat::cli::program::Cli;
 
 const PHOTO: &str = "photos/images/view_0001.png";
 /// Files of the data set: photos with and without a pose, a mask, poses, the split.
-const DATASET: [&str; 5] =
-    [PHOTO, "photos/images/extra.png", "photos/masks/a.png", "photos/sparse/0/images.txt", "photos/test.txt"];
+const DATASET: [&str; 5] = [
+    PHOTO,
+    "photos/images/extra.png",
+    "photos/masks/a.png",
+    "photos/sparse/0/images.txt",
+    "photos/test.txt",
+];
 
 /// A command line with `{}` in the place of an output, and inputs to try there.
 struct Attempt {
@@ -62,7 +67,8 @@ fn inputs() -> tempfile::TempDir {
     std::fs::write(at("q/manifest.json"), "{}").unwrap();
     make("bake a.ply -o g.gltf --preset fast");
     let json = std::fs::read_to_string(at("g.gltf")).unwrap();
-    let json = json.replace("g.bin", "m.bin").replacen('{', r#"{"images": [{"uri": "wall.png"}],"#, 1);
+    let json =
+        json.replace("g.bin", "m.bin").replacen('{', r#"{"images": [{"uri": "wall.png"}],"#, 1);
     std::fs::write(at("g.gltf"), json).unwrap();
     std::fs::rename(at("g.bin"), at("m.bin")).unwrap();
     std::fs::write(at("scene.mtl"), "newmtl wall\nmap_Kd wall.png\n").unwrap();
@@ -81,7 +87,8 @@ fn inputs() -> tempfile::TempDir {
 
 /// The files in `folder` whose names begin like `begin` and end like `end`, by their names from above.
 fn like(folder: &Path, inner: &str, begin: &str, end: &str) -> Vec<String> {
-    let entries = std::fs::read_dir(folder.join(inner)).unwrap().map(|entry| entry.unwrap().file_name());
+    let entries =
+        std::fs::read_dir(folder.join(inner)).unwrap().map(|entry| entry.unwrap().file_name());
     let names = entries.map(|name| name.into_string().unwrap());
     let found: Vec<String> = names
         .filter(|name| name.starts_with(begin) && name.ends_with(end))
@@ -108,7 +115,8 @@ fn attempts(folder: &Path) -> Vec<Attempt> {
     add("make", "report", "make loose -o n.glb --report {} -f", &["loose/a.png"]);
     add("capture", "report", "capture loose -o set --report {} -f", &["loose/a.png"]);
     add("bake", "output", "bake a.ply --dataset photos -o {} -f", &["link.glb", "link.ply"]);
-    let bake = "bake a.ply g.gltf o.obj --dataset photos --config options.json -o n.glb --report {} -f";
+    let bake =
+        "bake a.ply g.gltf o.obj --dataset photos --config options.json -o n.glb --report {} -f";
     let named = ["a.ply", "g.gltf", "m.bin", "wall.png", "o.obj", "scene.mtl", "options.json"];
     add("bake", "report", bake, &of_dataset(&named));
     add("mesh", "output", "mesh a.ply photos -o {} -f", &["link.ply", "a.ply"]);
@@ -116,7 +124,8 @@ fn attempts(folder: &Path) -> Vec<Attempt> {
     add("train", "output", "train photos --from a.ply -o {} -f", &["link.ply", "a.ply"]);
     let from = of_dataset(&["g.gltf", "m.bin", "a.ply"]);
     let train = "train photos --from g.gltf --teacher a.ply -o n.ply -f";
-    for (option, line) in [("checkpoint", "--checkpoint {}"), ("log", "--log {}"), ("report", "--report {}")]
+    for (option, line) in
+        [("checkpoint", "--checkpoint {}"), ("log", "--log {}"), ("report", "--report {}")]
     {
         add("train", option, &format!("{train} {line}"), &from);
     }
@@ -132,7 +141,12 @@ fn attempts(folder: &Path) -> Vec<Attempt> {
     add("eval", "report", "eval g.gltf photos --report {} -f", &of_dataset(&["g.gltf", "m.bin"]));
     let eval = "eval a.ply photos --as solid --split all --save-renders {} -f";
     add("eval", "save_renders", eval, &["photos/images"]);
-    add("render", "output", "render a.ply --dataset photos --split all -o {} -f", &["photos/images"]);
+    add(
+        "render",
+        "output",
+        "render a.ply --dataset photos --split all -o {} -f",
+        &["photos/images"],
+    );
     let of_plan = |plan: &str| {
         let kinds = [("manifest", ".json"), ("start-", ".ply"), ("coarse-", ".ply")];
         kinds.iter().flat_map(|(begin, end)| like(folder, plan, begin, end)).collect::<Vec<_>>()
@@ -205,8 +219,16 @@ fn no_output_of_any_command_is_something_that_it_reads() {
     }
     // A log of a block is not emptied without --force either, and a scene's second file is not replaced.
     refused(folder.path(), &["train", "--block", "begun:0", "--log", PHOTO], &["--log", "input"]);
-    refused(folder.path(), &["bake", "g.gltf", "-o", "m.gltf", "-f"], &["--output is m.bin", "input"]);
-    refused(folder.path(), &["bake", "o.obj", "-o", "scene.obj", "-f"], &["--output is scene.mtl", "input"]);
+    refused(
+        folder.path(),
+        &["bake", "g.gltf", "-o", "m.gltf", "-f"],
+        &["--output is m.bin", "input"],
+    );
+    refused(
+        folder.path(),
+        &["bake", "o.obj", "-o", "scene.obj", "-f"],
+        &["--output is scene.mtl", "input"],
+    );
     let tile = like(folder.path(), "t.tiles", "r", ".glb").remove(0);
     refused(
         folder.path(),
@@ -224,13 +246,19 @@ fn a_plan_removes_only_what_an_earlier_plan_made() {
         let line = line.split(' ').chain([seed]).collect::<Vec<_>>();
         run(folder.path(), &line)
     };
-    let write = |name: &str| std::fs::write(folder.path().join("q").join(name), "precious").unwrap();
+    let write =
+        |name: &str| std::fs::write(folder.path().join("q").join(name), "precious").unwrap();
     std::fs::create_dir(folder.path().join("q")).unwrap();
-    let theirs =
-        ["start-0000.ply", "start-0007-0123456789abcdef.ply", "coarse-0123456789abcdef.ply", "notes.txt"];
+    let theirs = [
+        "start-0000.ply",
+        "start-0007-0123456789abcdef.ply",
+        "coarse-0123456789abcdef.ply",
+        "notes.txt",
+    ];
     theirs.iter().for_each(|name| write(name));
     succeed(plan("0"));
-    let [mut starts, coarse] = ["start-", "coarse-"].map(|begin| like(folder.path(), "q", begin, ".ply"));
+    let [mut starts, coarse] =
+        ["start-", "coarse-"].map(|begin| like(folder.path(), "q", begin, ".ply"));
     starts.retain(|start| !theirs.iter().any(|name| start.ends_with(name)));
     assert_eq!((starts.len(), coarse.len()), (2, 2), "{starts:?} {coarse:?}");
     // One of these was changed since.
@@ -239,9 +267,17 @@ fn a_plan_removes_only_what_an_earlier_plan_made() {
     let there = |name: &str| folder.path().join(name).is_file();
     assert!(there(&starts[0]), "what was changed stays");
     assert!(!there(&starts[1]), "what is no longer named goes");
-    assert_eq!(like(folder.path(), "q", "coarse-", ".ply").len(), 2, "the coarse scene of before goes, too");
+    assert_eq!(
+        like(folder.path(), "q", "coarse-", ".ply").len(),
+        2,
+        "the coarse scene of before goes, too"
+    );
     for name in theirs {
-        assert_eq!(std::fs::read(folder.path().join("q").join(name)).unwrap(), b"precious", "{name}");
+        assert_eq!(
+            std::fs::read(folder.path().join("q").join(name)).unwrap(),
+            b"precious",
+            "{name}"
+        );
     }
     // The first plan again would write that file.
     let said = stderr(&plan("0"));
@@ -256,8 +292,18 @@ fn previews_of_an_earlier_run_need_force() {
     let folder = folder();
     std::fs::create_dir(folder.path().join("p")).unwrap();
     std::fs::write(folder.path().join("p/step-000002.png"), "precious").unwrap();
-    let train =
-        ["train", "photos", "--steps", "6", "--max-triangles", "200", "-o", "n.ply", "--preview", "p"];
+    let train = [
+        "train",
+        "photos",
+        "--steps",
+        "6",
+        "--max-triangles",
+        "200",
+        "-o",
+        "n.ply",
+        "--preview",
+        "p",
+    ];
     let before = state(folder.path());
     refused(folder.path(), &train, &["--preview", "--force"]);
     assert_eq!(state(folder.path()), before);
@@ -274,8 +320,12 @@ fn a_name_that_is_not_utf8_is_refused_where_files_name_each_other() {
     let before = state(folder.path());
     let refused = |arguments: &[&OsStr], needles: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
-        let output =
-            command.args(arguments).current_dir(folder.path()).stdin(Stdio::null()).output().unwrap();
+        let output = command
+            .args(arguments)
+            .current_dir(folder.path())
+            .stdin(Stdio::null())
+            .output()
+            .unwrap();
         let said = stderr(&output);
         assert_eq!(output.status.code(), Some(1), "{said}");
         needles.iter().for_each(|needle| assert!(said.contains(needle), "{said}"));
@@ -283,12 +333,16 @@ fn a_name_that_is_not_utf8_is_refused_where_files_name_each_other() {
     let words = |line: &'static str| line.split(' ').map(OsStr::new).collect::<Vec<_>>();
     for name in [&b"\xff.gltf"[..], b"\xff.glb", b"\xff.obj", b"\xff.tileset.json", b"\xff.html"] {
         let name = OsStr::from_bytes(name);
-        refused(&[words("bake a.ply -o"), vec![name]].concat(), &["--output is ", "a name in UTF-8"]);
+        refused(
+            &[words("bake a.ply -o"), vec![name]].concat(),
+            &["--output is ", "a name in UTF-8"],
+        );
         refused(&[words("mesh a.ply -o"), vec![name]].concat(), &["--output is "]);
         refused(&[words("make photos --page n.html -o"), vec![name]].concat(), &["--output is "]);
     }
     refused(
-        &[words("bake a.ply --target godot --lod 0.5 -o"), vec![OsStr::from_bytes(b"\xff.glb")]].concat(),
+        &[words("bake a.ply --target godot --lod 0.5 -o"), vec![OsStr::from_bytes(b"\xff.glb")]]
+            .concat(),
         &["UTF-8"],
     );
     assert_eq!(state(folder.path()), before);

@@ -26,7 +26,8 @@ fn dataset(folder: &Path) -> PathBuf {
 /// A `transforms.json` of one frame, and a photo beside it.
 fn transforms(folder: &Path, frame: serde_json::Value) -> PathBuf {
     let mut frame = frame;
-    frame["transform_matrix"] = serde_json::json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
+    frame["transform_matrix"] =
+        serde_json::json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
     let json = serde_json::json!({ "fl_x": 20.0, "frames": [frame] });
     std::fs::create_dir_all(folder).unwrap();
     std::fs::write(folder.join("transforms.json"), json.to_string()).unwrap();
@@ -68,7 +69,8 @@ fn soup(size: UVec2) -> Vec<u8> {
 #[test]
 fn a_stored_camera_of_65535_squared_in_a_soup_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let (path, out) = (folder.path().join("soup.ply"), folder.path().join("a.glb"));
+    let path = folder.path().join("soup.ply");
+    let out = folder.path().join("a.glb");
     for (size, key) in
         [(65_535, "--limit camera_pixels=4294836225"), (4_000_000_000, "--limit picture_side=")]
     {
@@ -79,7 +81,11 @@ fn a_stored_camera_of_65535_squared_in_a_soup_is_refused() {
     std::fs::write(&path, soup(UVec2::new(64, 48))).unwrap();
     assert!(trisplat(&[&"bake", &path, &"-o", &out]).status.success());
     let low = [&"bake" as Word, &path, &"-f", &"-o", &out, &"--limit", &"camera_pixels=3071"];
-    fails(folder.path(), &low, &["view 0: 3072 pixels, the limit is 3071", "--limit camera_pixels=3072"]);
+    fails(
+        folder.path(),
+        &low,
+        &["view 0: 3072 pixels, the limit is 3071", "--limit camera_pixels=3072"],
+    );
 }
 
 #[test]
@@ -91,8 +97,9 @@ fn a_photo_of_57_bytes_that_claims_50000_squared_is_refused_by_every_command() {
     names.sort();
     std::fs::write(&names[1], CLAIMING).unwrap();
     let name = names[1].file_name().unwrap().to_str().unwrap();
-    let (glb, ply, drawn) =
-        (folder.path().join("a.glb"), folder.path().join("a.ply"), folder.path().join("drawn"));
+    let glb = folder.path().join("a.glb");
+    let ply = folder.path().join("a.ply");
+    let drawn = folder.path().join("drawn");
     let commands: [&[Word]; 5] = [
         &[&"bake", &sample("trained.ply"), &"--dataset", &data, &"-o", &glb],
         &[&"render", &sample("trained.ply"), &"--dataset", &data, &"--as", &"soft", &"-o", &drawn],
@@ -101,7 +108,11 @@ fn a_photo_of_57_bytes_that_claims_50000_squared_is_refused_by_every_command() {
         &[&"eval", &sample("trained.ply"), &data],
     ];
     for command in commands {
-        fails(folder.path(), command, &[name, "2500000000 pixels", "--limit picture_pixels=2500000000"]);
+        fails(
+            folder.path(),
+            command,
+            &[name, "2500000000 pixels", "--limit picture_pixels=2500000000"],
+        );
     }
     // With the limit lifted it is still not what it claims.
     let lifted = words(commands[2], &[&"--limit", &"picture_pixels=2500000000"]);
@@ -109,7 +120,10 @@ fn a_photo_of_57_bytes_that_claims_50000_squared_is_refused_by_every_command() {
     let skipped = trisplat(&words(commands[2], &[&"--skip-broken"]));
     assert!(skipped.status.success(), "{}", stderr(&skipped));
     let text = String::from_utf8(skipped.stdout).unwrap();
-    assert!(text.contains("warning") && text.contains(name), "`info` called the set healthy: {text}");
+    assert!(
+        text.contains("warning") && text.contains(name),
+        "`info` called the set healthy: {text}"
+    );
 }
 
 /// Runs under a clock: what waits for ever is a failure, not a test that hangs.
@@ -117,7 +131,8 @@ fn a_photo_of_57_bytes_that_claims_50000_squared_is_refused_by_every_command() {
 fn ends(folder: &Path, arguments: &[Word], needles: &[&str]) {
     let mut command = Command::new("timeout");
     command.args(["-s", "KILL", "60"]).arg(env!("CARGO_BIN_EXE_trisplat"));
-    let output = command.args(arguments.iter().map(|a| a.as_ref())).current_dir(folder).output().unwrap();
+    let output =
+        command.args(arguments.iter().map(|a| a.as_ref())).current_dir(folder).output().unwrap();
     let text = stderr(&output);
     assert_eq!(output.status.code(), Some(1), "{text}");
     for needle in needles {
@@ -133,7 +148,9 @@ fn devices_and_pipes_are_refused_wherever_a_file_is_named() {
     assert!(Command::new("mkfifo").arg(&fifo).status().unwrap().success());
     for (i, endless) in [Path::new("/dev/zero"), &fifo].into_iter().enumerate() {
         let reason = "is a device or a pipe";
-        let (ply, glb, data) = ("out.ply", "out.glb", folder.path().join(format!("data{i}")));
+        let ply = "out.ply";
+        let glb = "out.glb";
+        let data = folder.path().join(format!("data{i}"));
         let good = transforms(&data.join("good"), serde_json::json!({ "file_path": "a.png" }));
         let photo = serde_json::json!({ "file_path": endless });
         let photo = transforms(&data.join("photo"), photo);
@@ -179,7 +196,11 @@ fn a_gltf_buffer_outside_its_folder_wants_allow_outside() {
     let text = std::fs::read_to_string(&scene).unwrap();
     for uri in ["../scene.bin", "a/../../scene.bin", "%2e%2e/scene.bin"] {
         std::fs::write(&scene, text.replace("\"scene.bin\"", &format!("\"{uri}\""))).unwrap();
-        fails(folder.path(), &[&"info", &scene], &["scene.gltf", "outside the folder", "--allow-outside"]);
+        fails(
+            folder.path(),
+            &[&"info", &scene],
+            &["scene.gltf", "outside the folder", "--allow-outside"],
+        );
         if !uri.starts_with('a') {
             let allowed = trisplat(&[&"info", &scene, &"--allow-outside"]);
             assert!(allowed.status.success(), "{}", stderr(&allowed));
@@ -196,7 +217,11 @@ fn a_photo_outside_the_data_set_wants_allow_outside_and_an_absolute_path_is_a_wa
         serde_json::json!({ "file_path": "a.png", "mask_path": "./../secret.png" }),
     ] {
         let data = transforms(&folder.path().join("set"), frame);
-        fails(folder.path(), &[&"info", &data], &["transforms.json: frame 0", "outside", "--allow-outside"]);
+        fails(
+            folder.path(),
+            &[&"info", &data],
+            &["transforms.json: frame 0", "outside", "--allow-outside"],
+        );
         let allowed = trisplat(&[&"info", &data, &"--allow-outside"]);
         assert!(allowed.status.success(), "{}", stderr(&allowed));
     }
@@ -233,11 +258,16 @@ fn numbers_out_of_range_are_errors() {
             assert!(stderr(&output).contains("expected seconds"), "{flag}: {}", stderr(&output));
         }
     }
-    for (setting, wants) in [("init.size=1e308", "init.size is"), ("rates.corners=1e300", "rates.corners is")]
+    for (setting, wants) in
+        [("init.size=1e308", "init.size is"), ("rates.corners=1e300", "rates.corners is")]
     {
         fails(folder.path(), &words(&train, &[&"--set", &setting]), &[wants, "expected "]);
     }
-    fails(folder.path(), &words(&train, &[&"--max-triangles", &"0"]), &["--max-triangles is 0", "1 or more"]);
+    fails(
+        folder.path(),
+        &words(&train, &[&"--max-triangles", &"0"]),
+        &["--max-triangles is 0", "1 or more"],
+    );
     let glb = folder.path().join("a.glb");
     for scene in [sample("studio.ply"), sample("trained.ply")] {
         let bake = [&"bake" as Word, &scene, &"-o", &glb, &"--max-triangles", &"0"];
@@ -254,7 +284,11 @@ fn an_unknown_limit_lists_the_known_ones() {
         &words(&info, &[&"pixels=5"]),
         &["--limit is pixels=5", "picture_pixels", "triangles"],
     );
-    fails(folder.path(), &words(&info, &[&"triangles=many"]), &["--limit is triangles=many", "whole number"]);
+    fails(
+        folder.path(),
+        &words(&info, &[&"triangles=many"]),
+        &["--limit is triangles=many", "whole number"],
+    );
     fails(
         folder.path(),
         &words(&info, &[&"triangles=9"]),
@@ -286,11 +320,11 @@ fn a_name_from_a_file_cannot_forge_a_line_or_reach_the_terminal() {
     assert!(text.contains("a\\nerror: forged\\u{1b}[2J\\u{202e}.png"), "{text}");
     // In the table of `info`, in a warning.
     let path = folder.path().join("a.gltf");
-    let gltf =
-        serde_json::json!({ "asset": { "version": "2.0", "generator": "x\nwarning    forged\u{9b}" } });
+    let gltf = serde_json::json!({ "asset": { "version": "2.0", "generator": "x\nwarning    forged\u{9b}" } });
     let bare = sample("studio.ply");
     assert!(trisplat(&[&"bake", &bare, &"-o", &path]).status.success());
-    let mut json: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    let mut json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
     json["asset"]["generator"] = gltf["asset"]["generator"].clone();
     std::fs::write(&path, json.to_string()).unwrap();
     let info = trisplat(&[&"info", &path]);
@@ -313,7 +347,8 @@ fn a_byte_order_mark_changes_nothing() {
     for ending in ["obj", "ply", "gltf", "off"] {
         let path = scene.with_extension(ending);
         if ending == "off" {
-            std::fs::write(&path, "OFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 1 3\n").unwrap();
+            std::fs::write(&path, "OFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 1 3\n")
+                .unwrap();
         } else {
             assert!(trisplat(&[&"bake", &sample("studio.ply"), &"-o", &path]).status.success());
         }
@@ -329,7 +364,8 @@ fn a_byte_order_mark_changes_nothing() {
         assert_eq!(figures(), plain, "{ending}");
     }
     let data = dataset(folder.path());
-    let transforms_set = transforms(&folder.path().join("set"), serde_json::json!({ "file_path": "a.png" }));
+    let transforms_set =
+        transforms(&folder.path().join("set"), serde_json::json!({ "file_path": "a.png" }));
     let info = |path: &Path| {
         let output = trisplat(&[&"info", &path]);
         assert!(output.status.success(), "{}", stderr(&output));
@@ -351,7 +387,11 @@ fn a_byte_order_mark_changes_nothing() {
     let config = folder.path().join("config.json");
     std::fs::write(&config, "\u{feff}{ \"preset\": \"fast\" }").unwrap();
     let out = folder.path().join("b.glb");
-    assert!(trisplat(&[&"bake", &sample("studio.ply"), &"-o", &out, &"--config", &config]).status.success());
+    assert!(
+        trisplat(&[&"bake", &sample("studio.ply"), &"-o", &out, &"--config", &config])
+            .status
+            .success()
+    );
 }
 
 fn walk(folder: &Path) -> Vec<PathBuf> {

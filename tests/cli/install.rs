@@ -8,7 +8,8 @@ fn the_version_names_where_it_is_from_and_its_features() {
     let said = said.trim();
     let (version, rest) = said.split_once(" (").unwrap_or_else(|| panic!("{said}"));
     assert_eq!(version, concat!("trisplat ", env!("CARGO_PKG_VERSION")));
-    let (from, features) = rest.trim_end_matches(')').split_once("; ").unwrap_or_else(|| panic!("{said}"));
+    let (from, features) =
+        rest.trim_end_matches(')').split_once("; ").unwrap_or_else(|| panic!("{said}"));
     assert_eq!(from, option_env!("TRISPLAT_COMMIT").unwrap_or("built from source"));
     let names = [("gpu", cfg!(feature = "gpu")), ("view", cfg!(feature = "view"))];
     for (name, on) in names {
@@ -24,7 +25,8 @@ fn the_line_of_the_page_installs_a_release() {
     use std::path::Path;
     use std::process::Command;
     let page =
-        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/install.md")).unwrap();
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/install.md"))
+            .unwrap();
     let line = page.split("```sh\n").nth(1).unwrap().split("```").next().unwrap();
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
@@ -34,8 +36,10 @@ fn the_line_of_the_page_installs_a_release() {
     std::fs::write(&program, "#!/bin/sh\necho installed\n").unwrap();
     std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
     std::fs::write(at(name).join("README.md"), "").unwrap();
-    let packed =
-        Command::new("tar").args(["-czf", &format!("{name}.tar.gz"), name]).current_dir(home.path()).status();
+    let packed = Command::new("tar")
+        .args(["-czf", &format!("{name}.tar.gz"), name])
+        .current_dir(home.path())
+        .status();
     assert!(packed.unwrap().success());
     let mut shell = Command::new("sh");
     shell.args(["-euc", line]).env("HOME", home.path()).env("TAG", "v1.2.3");

@@ -22,9 +22,11 @@ fn job(given: serde_json::Value) -> TrainJob {
         ..DatasetOptions::default()
     };
     let layers = Layers::default().settings(&["densify.every=10".to_owned()]).given(given);
-    let mut job = TrainJob::new(Dataset::load(dataset(), &dataset_options).unwrap(), TrainOptions::default());
+    let mut job =
+        TrainJob::new(Dataset::load(dataset(), &dataset_options).unwrap(), TrainOptions::default());
     job.teacher = Some(TeacherSource::Off);
-    (job.dataset_options, job.options) = (dataset_options, layers.resolve(TrainOptions::preset).unwrap());
+    job.dataset_options = dataset_options;
+    job.options = layers.resolve(TrainOptions::preset).unwrap();
     job
 }
 
@@ -133,7 +135,10 @@ fn a_short_training_that_is_stopped_says_that_nothing_was_written() {
     let job = TrainJob::new(Dataset::load(folder.path(), &how).unwrap(), TrainOptions::default());
     let mut observer = Trials { stop: true, ..Trials::default() };
     let error = job.run(&mut |event| observer.tell(&event)).unwrap_err().to_string();
-    assert!(error.contains("leaves some photos out") && error.contains("nothing was written"), "{error}");
+    assert!(
+        error.contains("leaves some photos out") && error.contains("nothing was written"),
+        "{error}"
+    );
     assert_eq!((observer.trainings, observer.said), (1, None));
 }
 
@@ -152,7 +157,12 @@ fn a_training_with_a_budget() {
 
 fn baked(folder: &Path, input: &Path, flags: &[&str]) -> Vec<u8> {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
-    command.current_dir(folder).arg("bake").arg(input).args(["-o", "program.glb", "--force"]).args(flags);
+    command
+        .current_dir(folder)
+        .arg("bake")
+        .arg(input)
+        .args(["-o", "program.glb", "--force"])
+        .args(flags);
     succeed(&mut command);
     read(folder, "program.glb")
 }
@@ -169,13 +179,15 @@ fn bake(input: &Path) -> BakeJob {
 #[test]
 fn a_bake_by_default_and_with_photos() {
     let folder = tempfile::tempdir().unwrap();
-    let (folder, trained) = (folder.path(), sample("trained.ply"));
+    let folder = folder.path();
+    let trained = sample("trained.ply");
     assert!(library(folder, bake(&trained)).0 == baked(folder, &trained, &[]));
     let mut with_photos = bake(&trained);
     with_photos.options = BakeOptions::preset(BakePreset::Fast);
     with_photos.photos = Some(Dataset::load(dataset(), &DatasetOptions::default()).unwrap());
     let photos = dataset().display().to_string();
-    let program = baked(folder, &trained, &["--preset", "fast", "--dataset", &photos, "--max-bytes", "60kB"]);
+    let program =
+        baked(folder, &trained, &["--preset", "fast", "--dataset", &photos, "--max-bytes", "60kB"]);
     with_photos.max_bytes = Some(60_000);
     assert!(library(folder, with_photos).0 == program);
 }
@@ -183,7 +195,11 @@ fn a_bake_by_default_and_with_photos() {
 /// A soft scene of few triangles.
 fn soft(folder: &Path) -> std::path::PathBuf {
     few_photos(folder);
-    succeed(&mut train_few(folder, "soft.ply", &[&SHORT as &[&str], &["--preset", "outdoor"]].concat()));
+    succeed(&mut train_few(
+        folder,
+        "soft.ply",
+        &[&SHORT as &[&str], &["--preset", "outdoor"]].concat(),
+    ));
     folder.join("soft.ply")
 }
 
@@ -197,7 +213,10 @@ fn a_bake_of_a_hardened_scene() {
     let (bytes, done) = library(folder, job);
     assert!(bytes == baked(folder, &soft, &["--harden=40"]));
     let first = done.report.stages[..2].iter().map(|stage| stage.name.as_str());
-    assert!(first.eq(["background", "train"]), "the background is found before the training draws pictures");
+    assert!(
+        first.eq(["background", "train"]),
+        "the background is found before the training draws pictures"
+    );
 }
 
 /// What the output options ask for is written.
@@ -211,7 +230,8 @@ fn a_target_in_the_options_is_the_target_of_the_files() {
     job.save(&out, &mut |_| Continue(())).unwrap();
     assert!(folder.path().join("a.glb.import").is_file());
     let program = folder.path().join("b.glb");
-    let output = trisplat(&[&"bake", &sample("trained.ply"), &"-o", &program, &"--target", &"godot"]);
+    let output =
+        trisplat(&[&"bake", &sample("trained.ply"), &"-o", &program, &"--target", &"godot"]);
     assert!(output.status.success());
     assert!(std::fs::read(out).unwrap() == std::fs::read(program).unwrap());
 }

@@ -39,7 +39,8 @@ fn a_make_that_is_killed_between_the_file_and_its_page_finishes_by_the_same_comm
     let at = |name: &str| folder.path().join(name);
     // The page waits for a reader of this pipe.
     assert!(Command::new("mkfifo").arg(at("scene.html")).status().unwrap().success());
-    let mut killed = command(folder.path(), "scene.glb", STEPS, &[]).stderr(Stdio::null()).spawn().unwrap();
+    let mut killed =
+        command(folder.path(), "scene.glb", STEPS, &[]).stderr(Stdio::null()).spawn().unwrap();
     while !at("scene.glb").exists() && killed.try_wait().unwrap().is_none() {
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
@@ -51,7 +52,11 @@ fn a_make_that_is_killed_between_the_file_and_its_page_finishes_by_the_same_comm
     assert!(finished.status.success(), "{}", stderr(&finished));
     assert!(std::fs::read_to_string(at("scene.html")).unwrap().contains("<html"));
     let refused = make(folder.path(), &[]);
-    assert!(refused.status.code() == Some(1) && stderr(&refused).contains("--force"), "{}", stderr(&refused));
+    assert!(
+        refused.status.code() == Some(1) && stderr(&refused).contains("--force"),
+        "{}",
+        stderr(&refused)
+    );
 }
 
 #[cfg(unix)]
@@ -66,7 +71,10 @@ fn a_make_that_is_killed_while_its_report_is_written_finishes_by_the_same_comman
         command(folder.path(), "scene.glb", STEPS, &report).stderr(Stdio::null()).spawn().unwrap();
     let began = std::time::Instant::now();
     while !at("scene.html").exists() && killed.try_wait().unwrap().is_none() {
-        assert!(began.elapsed().as_secs() < 120, "it waits for the reader of the report before its work");
+        assert!(
+            began.elapsed().as_secs() < 120,
+            "it waits for the reader of the report before its work"
+        );
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
     // What scores the file comes between.
@@ -79,19 +87,26 @@ fn a_make_that_is_killed_while_its_report_is_written_finishes_by_the_same_comman
     let finished = make(folder.path(), &report);
     assert!(finished.status.success(), "{}", stderr(&finished));
     let text = std::fs::read_to_string(at("report.json")).unwrap();
-    assert!(serde_json::from_str::<serde_json::Value>(&text).unwrap()["outputs"].is_array(), "{text}");
+    assert!(
+        serde_json::from_str::<serde_json::Value>(&text).unwrap()["outputs"].is_array(),
+        "{text}"
+    );
     let hidden = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
     assert_eq!(hidden.filter(|name| name.to_string_lossy().starts_with('.')).count(), 0);
     let refused = make(folder.path(), &report);
-    assert!(refused.status.code() == Some(1) && stderr(&refused).contains("--force"), "{}", stderr(&refused));
+    assert!(
+        refused.status.code() == Some(1) && stderr(&refused).contains("--force"),
+        "{}",
+        stderr(&refused)
+    );
 }
 
 /// Four photos at quarters of a turn, `away` from the middle against their direction; of one color unless `textured`.
 fn four_photos(folder: &Path, away: f64, textured: bool) {
     std::fs::create_dir_all(folder).unwrap();
     let frame = |i: u32| {
-        let rgb =
-            (0..64 * 48).map(|pixel| if textured { [40 * i as u8, pixel as u8, 90] } else { [90, 120, 30] });
+        let rgb = (0..64 * 48)
+            .map(|pixel| if textured { [40 * i as u8, pixel as u8, 90] } else { [90, 120, 30] });
         let photo = RgbImage { size: [64, 48].into(), rgb: rgb.collect(), alpha: None };
         photo.save_png(folder.join(format!("{i}.png"))).unwrap();
         let (sin, cos) = (f64::from(i) * std::f64::consts::FRAC_PI_2).sin_cos();
@@ -119,7 +134,10 @@ fn photos_that_cannot_make_a_scene_are_refused_before_training() {
     for (away, textured, wants) in cases {
         four_photos(&folder.path().join("photos"), away, textured);
         let said = make(&[]);
-        assert!(said.contains("photos: ") && said.contains(wants) && said.contains("--anyway"), "{said}");
+        assert!(
+            said.contains("photos: ") && said.contains(wants) && said.contains("--anyway"),
+            "{said}"
+        );
         assert!(
             !folder.path().join("a.make/scene.ply").exists() && !said.contains("--force-dataset"),
             "{said}"
@@ -140,28 +158,39 @@ fn a_data_set_becomes_a_file_and_a_page_and_its_training_is_not_repeated() {
     let said = stderr(&first);
     assert!(first.status.success(), "{said}");
     assert!(said.contains("capture    not needed: the photos have poses"), "{said}");
-    assert!(said.contains("photos that training did not see") && said.contains("open scene.html"), "{said}");
+    assert!(
+        said.contains("photos that training did not see") && said.contains("open scene.html"),
+        "{said}"
+    );
     // So few triangles are no good scene.
-    let next = said.lines().find(|line| line.starts_with("next: ")).unwrap_or_else(|| panic!("{said}"));
+    let next =
+        said.lines().find(|line| line.starts_with("next: ")).unwrap_or_else(|| panic!("{said}"));
     assert!(next.contains("more time (--steps 400 --force)"), "{next}");
     assert!(next.contains("more photos of what view_") && next.ends_with(" dB) shows"), "{next}");
     let glb = std::fs::read(at("scene.glb")).unwrap();
-    assert!(glb.starts_with(b"glTF") && std::fs::read_to_string(at("scene.html")).unwrap().contains("<html"));
-    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(at("a.json")).unwrap()).unwrap();
+    assert!(
+        glb.starts_with(b"glTF")
+            && std::fs::read_to_string(at("scene.html")).unwrap().contains("<html")
+    );
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(at("a.json")).unwrap()).unwrap();
     let stages = report["stages"].as_array().unwrap();
     let has = |name: &str| stages.iter().any(|stage| stage["name"] == name);
     assert!(has("capture") && has("train") && has("refit") && has("write"), "{stages:?}");
     assert_eq!(report["outputs"].as_array().unwrap().len(), 3, "{report}");
     // A capture with a subject gets a file of it, and the last lines say which file is for what.
     is_a_subject(&std::fs::read(at("scene.subject.glb")).unwrap(), glb.len());
-    let line =
-        |name: &str| said.lines().find(|line| line.contains(&format!("wrote {name} "))).unwrap_or_default();
+    let line = |name: &str| {
+        said.lines().find(|line| line.contains(&format!("wrote {name} "))).unwrap_or_default()
+    };
     assert!(
-        line("scene.subject.glb").contains(": the subject alone, for viewers that frame the whole file"),
+        line("scene.subject.glb")
+            .contains(": the subject alone, for viewers that frame the whole file"),
         "{said}"
     );
     assert!(
-        line("scene.glb").ends_with(": everything with its surroundings, to look around from within"),
+        line("scene.glb")
+            .ends_with(": everything with its surroundings, to look around from within"),
         "{said}"
     );
 
@@ -171,23 +200,39 @@ fn a_data_set_becomes_a_file_and_a_page_and_its_training_is_not_repeated() {
         (provenance.placement, provenance.viewpoint.unwrap())
     });
     let first = page.0.inverse().then(&subject.0).viewpoint_to_file(&page.1);
-    let apart = (0..3)
-        .map(|i| (first.eye[i] - subject.1.eye[i]).abs() + (first.target[i] - subject.1.target[i]).abs());
-    assert!(apart.sum::<f64>() < 1e-3 && (first.fov - subject.1.fov).abs() < 1e-9, "{first:?} {subject:?}");
+    let apart = (0..3).map(|i| {
+        (first.eye[i] - subject.1.eye[i]).abs() + (first.target[i] - subject.1.target[i]).abs()
+    });
+    assert!(
+        apart.sum::<f64>() < 1e-3 && (first.fov - subject.1.fov).abs() < 1e-9,
+        "{first:?} {subject:?}"
+    );
 
     // Nothing is replaced without --force.
     let refused = make(folder.path(), &[]);
-    assert!(refused.status.code() == Some(1) && stderr(&refused).contains("--force"), "{}", stderr(&refused));
+    assert!(
+        refused.status.code() == Some(1) && stderr(&refused).contains("--force"),
+        "{}",
+        stderr(&refused)
+    );
     std::fs::rename(at("scene.glb"), at("other.glb")).unwrap();
     let refused = make(folder.path(), &[]);
     assert!(stderr(&refused).contains("scene.subject.glb"), "{}", stderr(&refused));
     let again = make(folder.path(), &["--force"]);
-    assert!(again.status.success() && stderr(&again).contains("(done before)"), "{}", stderr(&again));
+    assert!(
+        again.status.success() && stderr(&again).contains("(done before)"),
+        "{}",
+        stderr(&again)
+    );
     assert!(std::fs::read(at("scene.glb")).unwrap() == glb, "the same scene");
 
     // The subject alone is another bake of the same training.
     let subject = make(folder.path(), &["--force", "--crop", "subject"]);
-    assert!(subject.status.success() && stderr(&subject).contains("(done before)"), "{}", stderr(&subject));
+    assert!(
+        subject.status.success() && stderr(&subject).contains("(done before)"),
+        "{}",
+        stderr(&subject)
+    );
     assert_eq!(nodes(&glb)["scene"], true, "{:?}", nodes(&glb));
     is_a_subject(&std::fs::read(at("scene.glb")).unwrap(), glb.len());
     let [file, page] = ["scene.glb", "scene.html"].map(|name| triangles(&at(name)));
@@ -216,13 +261,17 @@ fn the_score_is_that_of_eval_and_is_remembered() {
     let eval = eval.args(["--max-size", "60", "--report", "eval.json"]).output().unwrap();
     assert!(eval.status.success(), "{}", stderr(&eval));
     let psnr = json("eval.json")["steps"][0]["mean"]["psnr"].as_f64().unwrap();
-    assert!(said.lines().any(|line| line.starts_with(&format!("{psnr:.1} dB / "))), "{psnr} {said}");
+    assert!(
+        said.lines().any(|line| line.starts_with(&format!("{psnr:.1} dB / "))),
+        "{psnr} {said}"
+    );
     let remembered = |key: &str| json("work/training.json")[key].as_f64();
     assert!((remembered("psnr").unwrap() - psnr).abs() < 1e-9 && remembered("earlier").is_none());
 
     let said = steps(folder.path(), "220", "a.glb", &["--force"]);
     assert_eq!(remembered("earlier"), Some(psnr), "that of the run with less effort");
-    let next = said.lines().find(|line| line.starts_with("next: ")).unwrap_or_else(|| panic!("{said}"));
+    let next =
+        said.lines().find(|line| line.starts_with("next: ")).unwrap_or_else(|| panic!("{said}"));
     let helped = remembered("psnr").unwrap() >= psnr + 0.3;
     assert_eq!(next.contains("more time (--steps 440 --force)"), helped, "{next}");
 }
@@ -240,7 +289,11 @@ fn make_takes_the_options_of_the_bake() {
     let said = steps(folder.path(), "200", "b.glb", &options);
     assert!(said.contains("(done before)"), "{said}");
     let glb = std::fs::read(at("b.glb")).unwrap();
-    assert!(nodes(&glb)["collision-colonly"] == true && at("b.lod1.glb").exists(), "{:?}", nodes(&glb));
+    assert!(
+        nodes(&glb)["collision-colonly"] == true && at("b.lod1.glb").exists(),
+        "{:?}",
+        nodes(&glb)
+    );
     assert!(at("b.lod.tscn").exists() && at("b.glb.import").exists());
     steps(folder.path(), "200", "c.glb", &["--texture"]);
     assert!(triangles(&at("c.glb")) <= 500, "with the surroundings");
@@ -259,25 +312,33 @@ fn document(glb: &[u8]) -> serde_json::Value {
 /// The names of the nodes of a GLB, as keys.
 fn nodes(glb: &[u8]) -> serde_json::Value {
     let document = document(glb);
-    let names = document["nodes"].as_array().unwrap().iter().filter_map(|node| node["name"].as_str());
+    let names =
+        document["nodes"].as_array().unwrap().iter().filter_map(|node| node["name"].as_str());
     names.map(|name| (name.to_owned(), true.into())).collect::<serde_json::Map<_, _>>().into()
 }
 
 fn triangles(path: &Path) -> u64 {
     let told = trisplat(&[&"info", &path, &"--json"]);
-    serde_json::from_slice::<serde_json::Value>(&told.stdout).unwrap()["triangles"].as_u64().unwrap()
+    serde_json::from_slice::<serde_json::Value>(&told.stdout).unwrap()["triangles"]
+        .as_u64()
+        .unwrap()
 }
 
 /// A file of a subject is smaller than that of the whole scene, has nothing behind it and no camera beside it, which editors would frame too,
 /// and its origin is under it.
 fn is_a_subject(glb: &[u8], whole: usize) {
-    let (names, document) = (nodes(glb), document(glb));
+    let names = nodes(glb);
+    let document = document(glb);
     assert!(glb.len() < whole, "{} bytes of {whole}", glb.len());
-    assert!(names["scene"] == true && names["backdrop"].is_null() && names["viewpoint"].is_null(), "{names}");
+    assert!(
+        names["scene"] == true && names["backdrop"].is_null() && names["viewpoint"].is_null(),
+        "{names}"
+    );
     let at = &document["meshes"][0]["primitives"][0]["attributes"]["POSITION"];
     let accessor = &document["accessors"][at.as_u64().unwrap() as usize];
     let corner = |key: &str| [0, 1, 2].map(|axis| accessor[key][axis].as_f64().unwrap());
-    let (low, high) = (corner("min"), corner("max"));
+    let low = corner("min");
+    let high = corner("max");
     let size = [0, 1, 2].map(|axis| high[axis] - low[axis]);
     let is_middle = |axis: usize| (low[axis] + high[axis]).abs() < 0.05 * size[axis];
     // Some of the crate of the sample is below the floor that it stands on.
@@ -289,9 +350,11 @@ fn is_a_subject(glb: &[u8], whole: usize) {
 fn bake_keeps_the_subject_alone() {
     let folder = tempfile::tempdir().unwrap();
     let bake = |name: &str, more: &[&str]| {
-        let (file, scene) = (folder.path().join(name), sample("trained.ply"));
+        let file = folder.path().join(name);
+        let scene = sample("trained.ply");
         let more: Vec<&dyn AsRef<std::ffi::OsStr>> = more.iter().map(|word| word as _).collect();
-        let bake: [&dyn AsRef<std::ffi::OsStr>; 6] = [&"bake", &scene, &"-o", &file, &"--preset", &"fast"];
+        let bake: [&dyn AsRef<std::ffi::OsStr>; 6] =
+            [&"bake", &scene, &"-o", &file, &"--preset", &"fast"];
         let output = trisplat(&[&bake[..], &more].concat());
         assert!(output.status.success(), "{}", stderr(&output));
         std::fs::read(file).unwrap()
@@ -319,13 +382,19 @@ fn finding_poses_comes_on_top_of_the_budget() {
 #[test]
 fn names_that_cannot_be_written_are_refused_before_any_work() {
     let folder = tempfile::tempdir().unwrap();
-    for (output, wants) in
-        [("-", "a file for an engine"), ("a.html", "a file for an engine"), ("no/a.glb", "a folder")]
-    {
+    for (output, wants) in [
+        ("-", "a file for an engine"),
+        ("a.html", "a file for an engine"),
+        ("no/a.glb", "a folder"),
+    ] {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
         command.current_dir(folder.path()).arg("make").arg(dataset()).args(["-o", output]);
         let output = command.stdin(Stdio::null()).output().unwrap();
-        assert!(output.status.code() == Some(1) && stderr(&output).contains(wants), "{}", stderr(&output));
+        assert!(
+            output.status.code() == Some(1) && stderr(&output).contains(wants),
+            "{}",
+            stderr(&output)
+        );
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
@@ -337,17 +406,27 @@ fn capture_training_and_bake_agree_on_how_photos_differ_in_exposure() {
     std::fs::remove_dir_all(fake.at("photos")).unwrap();
     let truth = phone::phone_sample(&fake.at("taken"));
     std::fs::rename(fake.at("taken/images"), fake.at("photos")).unwrap();
-    let said =
-        fake.succeed(&["make", "photos", "-o", "scene.glb", "--steps", "600", "--report", "report.json"]);
+    let said = fake.succeed(&[
+        "make",
+        "photos",
+        "-o",
+        "scene.glb",
+        "--steps",
+        "600",
+        "--report",
+        "report.json",
+    ]);
     let report: serde_json::Value =
         serde_json::from_slice(&std::fs::read(fake.at("report.json")).unwrap()).unwrap();
     let names: Vec<&str> = truth.iter().map(|photo| photo.name.as_str()).collect();
     let wanted = phone::true_spread(&truth, &names);
     for [stage, place] in [["verdict", ""], ["train", "/exposure"], ["exposure", ""]] {
         let stages = report["stages"].as_array().unwrap();
-        let stage = stages.iter().find(|other| other["name"] == stage).unwrap_or_else(|| panic!("{stage}"));
-        let found =
-            stage["details"].pointer(&format!("{place}/exposure")).and_then(serde_json::Value::as_f64);
+        let stage =
+            stages.iter().find(|other| other["name"] == stage).unwrap_or_else(|| panic!("{stage}"));
+        let found = stage["details"]
+            .pointer(&format!("{place}/exposure"))
+            .and_then(serde_json::Value::as_f64);
         assert!((found.unwrap() - wanted).abs() < phone::TENTH_OF_A_STOP, "{wanted} {stage}");
     }
     assert!(said.contains("% in exposure: lock the exposure"), "{said}");

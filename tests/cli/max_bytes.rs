@@ -11,14 +11,28 @@ fn files_take_no_more_bytes_than_they_may() {
     let path = |name: &str| folder.path().join(name);
     let bytes = |name: &str| std::fs::metadata(path(name)).unwrap().len();
     let studio = sample("studio.ply");
-    assert!(trisplat(&[&"bake", &studio, &"-o", &path("whole.glb"), &"--preset", &"fast"]).status.success());
+    assert!(
+        trisplat(&[&"bake", &studio, &"-o", &path("whole.glb"), &"--preset", &"fast"])
+            .status
+            .success()
+    );
     let whole = bytes("whole.glb");
 
     let limit = whole / 2;
     let size = format!("{limit}B");
-    let (out, report) = (path("half.glb"), path("report.json"));
+    let out = path("half.glb");
+    let report = path("report.json");
     let output = trisplat(&[
-        &"bake", &studio, &"-o", &out, &"--preset", &"fast", &"--max-bytes", &size, &"--report", &report,
+        &"bake",
+        &studio,
+        &"-o",
+        &out,
+        &"--preset",
+        &"fast",
+        &"--max-bytes",
+        &size,
+        &"--report",
+        &report,
     ]);
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(bytes("half.glb") <= limit && bytes("half.glb") as f64 > 0.95 * limit as f64);
@@ -44,9 +58,18 @@ fn files_take_no_more_bytes_than_they_may() {
 
     // What fits anyway is the file that it would be without a limit.
     assert!(
-        trisplat(&[&"bake", &studio, &"-o", &path("all.glb"), &"--max-bytes", &"1GB", &"--preset", &"fast"])
-            .status
-            .success()
+        trisplat(&[
+            &"bake",
+            &studio,
+            &"-o",
+            &path("all.glb"),
+            &"--max-bytes",
+            &"1GB",
+            &"--preset",
+            &"fast"
+        ])
+        .status
+        .success()
     );
     assert!(std::fs::read(path("all.glb")).unwrap() == std::fs::read(path("whole.glb")).unwrap());
 }
@@ -76,7 +99,8 @@ fn the_files_beside_it_count_too() {
 #[test]
 fn sizes_that_hold_nothing_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let (studio, out) = (sample("studio.ply"), folder.path().join("scene.glb"));
+    let studio = sample("studio.ply");
+    let out = folder.path().join("scene.glb");
     fails(
         folder.path(),
         &[&"bake", &studio, &"-o", &out, &"--max-bytes", &"100", &"--preset", &"fast"],
@@ -99,7 +123,8 @@ fn triangles(file: &Path) -> [u64; 2] {
 /// Mean PSNR on the held-out photos of the sample.
 fn psnr(file: &Path, report: &Path) -> f64 {
     let photos = dataset();
-    let output = trisplat(&[&"eval", &file, &photos, &"--max-size", &"120", &"--report", &report, &"-f"]);
+    let output =
+        trisplat(&[&"eval", &file, &photos, &"--max-size", &"120", &"--report", &report, &"-f"]);
     assert!(output.status.success(), "{}", stderr(&output));
     let report: Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
     report["steps"][0]["mean"]["psnr"].as_f64().unwrap()
@@ -110,7 +135,8 @@ fn psnr(file: &Path, report: &Path) -> f64 {
 fn limits_count_surroundings_which_take_an_eighth_at_most() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    let (soup, photos) = (sample("trained.ply"), dataset());
+    let soup = sample("trained.ply");
+    let photos = dataset();
     let bake = |input: &Path, out: &str, more: &[&str]| {
         let words: Vec<&dyn AsRef<std::ffi::OsStr>> = more.iter().map(|word| word as _).collect();
         let out = path(out);
@@ -119,7 +145,8 @@ fn limits_count_surroundings_which_take_an_eighth_at_most() {
         assert!(output.status.success(), "{}", stderr(&output));
         out
     };
-    let with_photos = |more: &[&'static str]| [&["--dataset", photos.to_str().unwrap()], more].concat();
+    let with_photos =
+        |more: &[&'static str]| [&["--dataset", photos.to_str().unwrap()], more].concat();
     let whole = bake(&soup, "whole.glb", &with_photos(&["--backdrop", "sphere"]));
     let [all, behind] = triangles(&whole);
     assert!(all > 3000 && behind > 300, "{all} {behind}");
@@ -129,7 +156,8 @@ fn limits_count_surroundings_which_take_an_eighth_at_most() {
         let limit = most.to_string();
         let limit: [&str; 2] = ["--max-triangles", &limit];
         let more = if photos { [&with_photos(&[])[..], &limit].concat() } else { limit.to_vec() };
-        let [all, behind] = triangles(&bake(input, &format!("{most}.glb"), &[&more[..], &["-f"]].concat()));
+        let [all, behind] =
+            triangles(&bake(input, &format!("{most}.glb"), &[&more[..], &["-f"]].concat()));
         assert!(all <= most && all > most / 2 && behind <= most / 8, "{most}: {all} {behind}");
         assert!(behind > 0 || most < 256 || photos, "{most}: the surroundings are there");
     }

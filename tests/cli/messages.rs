@@ -40,11 +40,21 @@ fn a_scene_is_no_checkpoint() {
 #[test]
 fn pictures_go_into_a_folder() {
     let folder = tempfile::tempdir().unwrap();
-    let draw =
-        [&"render" as &dyn AsRef<std::ffi::OsStr>, &sample("studio.ply"), &"--orbit", &"1", &"--width", &"8"];
+    let draw = [
+        &"render" as &dyn AsRef<std::ffi::OsStr>,
+        &sample("studio.ply"),
+        &"--orbit",
+        &"1",
+        &"--width",
+        &"8",
+    ];
     for name in ["a.txt", "a.png"] {
         let out = folder.path().join(name);
-        fails(folder.path(), &[&draw[..], &[&"-o", &out]].concat(), &["--output", name, "a folder"]);
+        fails(
+            folder.path(),
+            &[&draw[..], &[&"-o", &out]].concat(),
+            &["--output", name, "a folder"],
+        );
     }
     std::fs::write(folder.path().join("file"), b"").unwrap();
     fails(
@@ -77,7 +87,10 @@ fn a_window_that_cannot_be_is_refused() {
         let output = view.arg("view").arg(sample("studio.ply")).output().unwrap();
         let text = stderr(&output);
         assert_eq!(output.status.code(), Some(1), "{text}");
-        assert!(text.contains("DISPLAY is set; `trisplat render`") && !text.contains(".rs:"), "{text}");
+        assert!(
+            text.contains("DISPLAY is set; `trisplat render`") && !text.contains(".rs:"),
+            "{text}"
+        );
     }
 }
 
@@ -98,17 +111,27 @@ fn errors_are_coloured_when_asked_for_and_never_with_no_color() {
 
 #[test]
 fn eval_prints_a_table_or_json_on_standard_output() {
-    let eval =
-        [&"eval" as &dyn AsRef<std::ffi::OsStr>, &sample("trained.ply"), &dataset(), &"--as", &"solid"];
+    let eval = [
+        &"eval" as &dyn AsRef<std::ffi::OsStr>,
+        &sample("trained.ply"),
+        &dataset(),
+        &"--as",
+        &"solid",
+    ];
     let table = stdout(&trisplat(&eval));
-    let rows: Vec<Vec<&str>> = table.lines().map(|line| line.split_whitespace().collect()).collect();
+    let rows: Vec<Vec<&str>> =
+        table.lines().map(|line| line.split_whitespace().collect()).collect();
     assert_eq!(rows[0], ["photo", "step", "PSNR", "dB", "SSIM", "FLIP", "corrected", "dB", "SSIM"]);
     for row in &rows[1..7] {
         let [raw, corrected] = [2, 5].map(|i: usize| row[i].parse::<f64>().unwrap());
         assert!(corrected > raw - 0.01, "{table}");
     }
     let rest: Vec<&str> = rows[7..].iter().map(|row| row[0]).collect();
-    assert_eq!(rest, ["depth", "exposed", "beside"], "after a header, 5 photos and a mean: {table}");
+    assert_eq!(
+        rest,
+        ["depth", "exposed", "beside"],
+        "after a header, 5 photos and a mean: {table}"
+    );
     let psnr = |row: &[&str]| row[2].parse::<f64>().unwrap();
     let mean = rows[1..6].iter().map(|row| psnr(row)).sum::<f64>() / 5.0;
     assert!(rows[6][0] == "mean" && (psnr(&rows[6]) - mean).abs() < 2e-3, "{table}");
@@ -149,28 +172,44 @@ fn training_and_evaluation_say_the_same_of_a_solid_soup() {
         "init.shell_subdivisions=0",
     ];
     let train: Vec<&dyn AsRef<std::ffi::OsStr>> = train.iter().map(|word| word as _).collect();
-    let output =
-        trisplat(&[&[&"train" as &dyn AsRef<std::ffi::OsStr>, &dataset(), &"-o", &out], &train[..]].concat());
+    let output = trisplat(
+        &[&[&"train" as &dyn AsRef<std::ffi::OsStr>, &dataset(), &"-o", &out], &train[..]].concat(),
+    );
     let said = stderr(&output);
     assert!(output.status.success(), "{said}");
-    let percents: Vec<u32> =
-        said.lines().filter_map(|line| line.split_once("%  step ")?.0.trim().parse().ok()).collect();
+    let percents: Vec<u32> = said
+        .lines()
+        .filter_map(|line| line.split_once("%  step ")?.0.trim().parse().ok())
+        .collect();
     assert_eq!(percents, (1..=100).collect::<Vec<u32>>(), "{said}");
-    let held_out = said.lines().find_map(|line| line.split_once("held out ")).map(|(_, rest)| rest).unwrap();
+    let held_out =
+        said.lines().find_map(|line| line.split_once("held out ")).map(|(_, rest)| rest).unwrap();
     let train_psnr: f64 = held_out.split(' ').next().unwrap().parse().unwrap();
     assert!(held_out.ends_with("(solid, 4×4 samples per pixel, photos at 80x60)"), "{held_out}");
-    let eval =
-        stdout(&trisplat(&[&"eval", &out, &dataset(), &"--max-size", &"80", &"--as", &"solid", &"-q"]));
+    let eval = stdout(&trisplat(&[
+        &"eval",
+        &out,
+        &dataset(),
+        &"--max-size",
+        &"80",
+        &"--as",
+        &"solid",
+        &"-q",
+    ]));
     let mean = eval.lines().find(|line| line.starts_with("mean")).unwrap();
     let eval_psnr: f64 = mean.split_whitespace().nth(2).unwrap().parse().unwrap();
-    assert!((train_psnr - eval_psnr).abs() < 0.1, "{train_psnr} while training, {eval_psnr} after: {eval}");
+    assert!(
+        (train_psnr - eval_psnr).abs() < 0.1,
+        "{train_psnr} while training, {eval_psnr} after: {eval}"
+    );
 }
 
 #[test]
 fn photos_of_another_place_are_noticed() {
     let folder = tempfile::tempdir().unwrap();
     let other = folder.path().join("other");
-    let (sparse, images) = (dataset().join("sparse"), dataset().join("images"));
+    let sparse = dataset().join("sparse");
+    let images = dataset().join("images");
     copy_folder(&sparse, &other.join("sparse"));
     // Every photo under the name of one from the other side.
     let mut names: Vec<_> =
@@ -196,7 +235,10 @@ fn photos_of_another_place_are_noticed() {
     assert!(code == Some(1) && wrong.contains(doubt) && wrong.contains("force_dataset"), "{wrong}");
     assert_eq!(std::fs::read(&out).unwrap(), before, "the file is as it was");
     let (code, forced) = bake(&other, &[&"--set", &"force_dataset=true"]);
-    assert!(code == Some(0) && forced.contains("warning: --dataset has photos that do not"), "{forced}");
+    assert!(
+        code == Some(0) && forced.contains("warning: --dataset has photos that do not"),
+        "{forced}"
+    );
 }
 
 #[test]
@@ -210,7 +252,8 @@ fn a_soup_and_a_mesh_that_was_baked_from_one_merge_in_their_world() {
         let output = trisplat(&[&bake[..], arguments].concat());
         assert!(output.status.success(), "{}", stderr(&output));
     };
-    let (soup, other) = (sample("trained.ply"), sample("studio.ply"));
+    let soup = sample("trained.ply");
+    let other = sample("studio.ply");
     bake(&[&soup, &"-o", &path("plain.glb")]);
     bake(&[&soup, &"--set", &"center=true", &"--set", &"scale=2", &"-o", &path("placed.glb")]);
     bake(&[&other, &path("placed.glb"), &"-o", &path("both.glb")]);
@@ -239,10 +282,13 @@ fn every_command_has_a_manual_page() {
     let man = folder.path().join("man");
     assert!(trisplat(&[&"man", &man]).status.success());
     for name in ["trisplat.1", "trisplat-bake.1", "trisplat-train.1", "trisplat-view.1"] {
-        let page = std::fs::read_to_string(man.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let page =
+            std::fs::read_to_string(man.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
         assert!(page.contains(".TH "), "{name}");
     }
-    assert!(std::fs::read_to_string(man.join("trisplat-bake.1")).unwrap().contains("max\\-triangles"));
+    assert!(
+        std::fs::read_to_string(man.join("trisplat-bake.1")).unwrap().contains("max\\-triangles")
+    );
 }
 
 #[test]
@@ -282,7 +328,11 @@ fn files_that_are_not_read_name_what_to_do() {
     refused("photos.zip", &["zip archive of photos", "trisplat make"]);
     refused("a.usdz", &["USDZ", ".glb"]);
     refused("photos", &["is a folder", ".spz", "trisplat make"]);
-    fails(folder.path(), &[&"make", &at("photos.zip"), &"-o", &at("out.glb")], &["zip archive", "unpack"]);
+    fails(
+        folder.path(),
+        &[&"make", &at("photos.zip"), &"-o", &at("out.glb")],
+        &["zip archive", "unpack"],
+    );
     let error = fails_of(&[&"make", &dataset(), &"-o", &at("noext")]);
     assert!(error.contains(".glb") && !error.contains("format"), "{error}");
 }
@@ -297,7 +347,10 @@ fn fails_of(args: &[&dyn AsRef<std::ffi::OsStr>]) -> String {
 #[test]
 fn a_file_in_place_of_a_command_names_the_command() {
     let error = fails_of(&[&"scene.ply"]);
-    assert!(error.contains("trisplat bake scene.ply") && error.contains("trisplat info"), "{error}");
+    assert!(
+        error.contains("trisplat bake scene.ply") && error.contains("trisplat info"),
+        "{error}"
+    );
     let error = fails_of(&[&dataset(), &"-o", &"a.glb"]);
     assert!(error.contains("trisplat make"), "{error}");
     assert!(!fails_of(&[&"bkae"]).contains("a command comes first"));
@@ -307,7 +360,8 @@ fn a_file_in_place_of_a_command_names_the_command() {
 fn gaussians_are_validated_by_their_own_reader() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.splat");
-    let numbers: Vec<u8> = [0.0f32, 1.0, 2.0, 0.1, 0.1, 0.1].into_iter().flat_map(f32::to_le_bytes).collect();
+    let numbers: Vec<u8> =
+        [0.0f32, 1.0, 2.0, 0.1, 0.1, 0.1].into_iter().flat_map(f32::to_le_bytes).collect();
     let record = [&numbers[..], &[255, 0, 0, 255, 255, 128, 128, 128]].concat();
     std::fs::write(&path, &record).unwrap();
     let said = stdout(&trisplat(&[&"validate", &path]));
@@ -327,8 +381,11 @@ fn a_mask_of_another_size_is_named_before_the_training() {
     let set = folder.path().join("set");
     copy_folder(&dataset(), &set);
     std::fs::create_dir(set.join("masks")).unwrap();
-    let mask =
-        trisplat_scene::image::RgbImage { size: glam::UVec2::splat(8), rgb: vec![[255; 3]; 64], alpha: None };
+    let mask = trisplat_scene::image::RgbImage {
+        size: glam::UVec2::splat(8),
+        rgb: vec![[255; 3]; 64],
+        alpha: None,
+    };
     mask.save_png(set.join("masks/view_0003.png")).unwrap();
     fails(folder.path(), &[&"info", &set], &["view_0003.png", "is 8x8", "as large as its photo"]);
 }
@@ -336,7 +393,8 @@ fn a_mask_of_another_size_is_named_before_the_training() {
 #[test]
 fn info_and_bake_measure_the_same_softness() {
     let folder = tempfile::tempdir().unwrap();
-    let (report, out) = (folder.path().join("report.json"), folder.path().join("a.glb"));
+    let report = folder.path().join("report.json");
+    let out = folder.path().join("a.glb");
     let json = |text: &str| serde_json::from_str::<serde_json::Value>(text).unwrap();
     let info = json(&stdout(&trisplat(&[&"info", &"--json", &sample("trained.ply")])));
     let args: [&dyn AsRef<std::ffi::OsStr>; 10] = [
@@ -353,20 +411,26 @@ fn info_and_bake_measure_the_same_softness() {
     ];
     stdout(&trisplat(&args));
     let report = json(&std::fs::read_to_string(&report).unwrap());
-    let teacher =
-        report["stages"].as_array().unwrap().iter().find(|stage| stage["name"] == "teacher").unwrap();
+    let teacher = report["stages"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|stage| stage["name"] == "teacher")
+        .unwrap();
     assert_eq!(teacher["details"]["softness"], info["softness"], "{teacher}");
 }
 
 #[test]
 fn a_mesh_that_says_nothing_hears_what_was_taken_for_up_and_what_its_alpha_removed() {
     let folder = tempfile::tempdir().unwrap();
-    let (ply, out) = (folder.path().join("a.ply"), folder.path().join("a.glb"));
+    let ply = folder.path().join("a.ply");
+    let out = folder.path().join("a.glb");
     let rows = |alpha: u8| {
         let row = |at: &str| format!("{at} 200 100 50 {alpha}\n");
         ["0 0 0", "1 0 0", "0 1 0"].map(row).concat()
     };
-    let names = ["float x", "float y", "float z", "uchar red", "uchar green", "uchar blue", "uchar alpha"];
+    let names =
+        ["float x", "float y", "float z", "uchar red", "uchar green", "uchar blue", "uchar alpha"];
     let head = format!(
         "ply\nformat ascii 1.0\nelement vertex 6\n{}element face 2\nproperty list uchar int vertex_indices\nend_header\n",
         names.map(|name| format!("property {name}\n")).concat()
@@ -387,7 +451,9 @@ fn a_mesh_that_says_nothing_hears_what_was_taken_for_up_and_what_its_alpha_remov
 
 /// What a terminal shows after `text`, by lines.
 fn screen(text: &str) -> Vec<String> {
-    let (mut rows, mut row, mut column) = (vec![Vec::new()], 0usize, 0usize);
+    let mut rows = vec![Vec::new()];
+    let mut row = 0usize;
+    let mut column = 0usize;
     let mut letters = text.chars();
     while let Some(letter) = letters.next() {
         match letter {
@@ -428,8 +494,14 @@ fn no_spinner_stays_in_the_terminal() {
         return crate::skip::skipped("no `script`, which gives a program a terminal");
     }
     let folder = tempfile::tempdir().unwrap();
-    let (program, soup, photos) = (env!("CARGO_BIN_EXE_trisplat"), sample("trained.ply"), dataset());
-    let bake = format!("'{program}' bake '{}' -o out.glb --dataset '{}'", soup.display(), photos.display());
+    let program = env!("CARGO_BIN_EXE_trisplat");
+    let soup = sample("trained.ply");
+    let photos = dataset();
+    let bake = format!(
+        "'{program}' bake '{}' -o out.glb --dataset '{}'",
+        soup.display(),
+        photos.display()
+    );
     let mut command = Command::new("script");
     let done = command
         .current_dir(&folder)

@@ -78,7 +78,11 @@ fn bake_writes_a_glb_and_prints_the_stage_table() {
     assert!(output.status.success(), "{}", stderr(&output));
     assert_eq!(&std::fs::read(&out).unwrap()[..4], b"glTF");
     for stage in ["prune", "solid", "color", "weld", "place", "chunk", "order", "write"] {
-        assert!(stderr(&output).lines().any(|l| l.starts_with(stage)), "{stage}: {}", stderr(&output));
+        assert!(
+            stderr(&output).lines().any(|l| l.starts_with(stage)),
+            "{stage}: {}",
+            stderr(&output)
+        );
     }
     assert!(output.stdout.is_empty());
 }
@@ -86,7 +90,8 @@ fn bake_writes_a_glb_and_prints_the_stage_table() {
 #[test]
 fn quiet_prints_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    let output = trisplat(&[&"bake", &"-q", &sample("studio.ply"), &"-o", &folder.path().join("a.glb")]);
+    let output =
+        trisplat(&[&"bake", &"-q", &sample("studio.ply"), &"-o", &folder.path().join("a.glb")]);
     assert!(output.status.success() && output.stderr.is_empty() && output.stdout.is_empty());
 }
 
@@ -104,7 +109,8 @@ fn an_existing_file_needs_force() {
 #[test]
 fn levels_of_detail_are_written_together_or_not_at_all() {
     let folder = tempfile::tempdir().unwrap();
-    let (out, report) = (folder.path().join("scene.glb"), folder.path().join("report.json"));
+    let out = folder.path().join("scene.glb");
+    let report = folder.path().join("report.json");
     let lod2 = folder.path().join("scene.lod2.glb");
     std::fs::write(&lod2, b"precious").unwrap();
     let levels: [&dyn AsRef<std::ffi::OsStr>; 6] =
@@ -113,11 +119,15 @@ fn levels_of_detail_are_written_together_or_not_at_all() {
     std::fs::remove_file(&lod2).unwrap();
     let output = trisplat(&[&levels[..], &[&"--report", &report]].concat());
     assert!(output.status.success(), "{}", stderr(&output));
-    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
     let names = ["scene.glb", "scene.lod1.glb", "scene.lod2.glb", "scene.tileset.json"];
     for (name, output) in names.iter().zip(report["outputs"].as_array().unwrap()) {
         let bytes = std::fs::metadata(folder.path().join(name)).unwrap().len();
-        assert!(output["path"].as_str().unwrap().ends_with(name) && output["bytes"] == bytes, "{output}");
+        assert!(
+            output["path"].as_str().unwrap().ends_with(name) && output["bytes"] == bytes,
+            "{output}"
+        );
     }
     let set = std::fs::read(folder.path().join("scene.tileset.json")).unwrap();
     let set: serde_json::Value = serde_json::from_slice(&set).unwrap();
@@ -125,7 +135,9 @@ fn levels_of_detail_are_written_together_or_not_at_all() {
     for name in names[..3].iter().rev() {
         assert_eq!(tile["content"]["uri"], **name);
         let finer = &tile["children"][0];
-        assert!(finer.is_null() || finer["geometricError"].as_f64() <= tile["geometricError"].as_f64());
+        assert!(
+            finer.is_null() || finer["geometricError"].as_f64() <= tile["geometricError"].as_f64()
+        );
         tile = finer;
     }
     fails(
@@ -133,15 +145,22 @@ fn levels_of_detail_are_written_together_or_not_at_all() {
         &[&"bake", &sample("studio.ply"), &"-o", &"-", &"--lod", &"0.5"],
         &["--lod", "file"],
     );
-    let rising =
-        [&"bake" as &dyn AsRef<std::ffi::OsStr>, &sample("studio.ply"), &"-o", &lod2, &"--lod", &"0.2,0.5"];
+    let rising = [
+        &"bake" as &dyn AsRef<std::ffi::OsStr>,
+        &sample("studio.ply"),
+        &"-o",
+        &lod2,
+        &"--lod",
+        &"0.2,0.5",
+    ];
     fails(folder.path(), &rising, &["--lod", "fall"]);
 }
 
 /// Names in a folder, sorted.
 fn names_in(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).unwrap();
-    let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    let mut names: Vec<String> =
+        entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     names
 }
@@ -164,8 +183,10 @@ fn a_tileset_names_the_tiles_there_are_and_no_others() {
         let set: serde_json::Value = serde_json::from_slice(&std::fs::read(&out).unwrap()).unwrap();
         let mut named = Vec::new();
         uris(&set["root"], &mut named);
-        let mut there: Vec<String> =
-            names_in(&folder.path().join("scene.tiles")).iter().map(|n| format!("scene.tiles/{n}")).collect();
+        let mut there: Vec<String> = names_in(&folder.path().join("scene.tiles"))
+            .iter()
+            .map(|n| format!("scene.tiles/{n}"))
+            .collect();
         there.retain(|name| !name.ends_with("notes.txt"));
         named.sort();
         assert_eq!(named, there);
@@ -187,13 +208,18 @@ fn a_tileset_names_the_tiles_there_are_and_no_others() {
 #[test]
 fn tiles_go_into_a_tileset_only() {
     let folder = tempfile::tempdir().unwrap();
-    let (glb, set) = (folder.path().join("a.glb"), folder.path().join("a.tileset.json"));
+    let glb = folder.path().join("a.glb");
+    let set = folder.path().join("a.tileset.json");
     fails(
         folder.path(),
         &[&"bake", &sample("studio.ply"), &"-o", &glb, &"--set", &"tiles=true"],
         &[".tileset.json"],
     );
-    fails(folder.path(), &[&"bake", &sample("studio.ply"), &"-o", &set, &"--lod", &"0.5"], &["--lod"]);
+    fails(
+        folder.path(),
+        &[&"bake", &sample("studio.ply"), &"-o", &set, &"--lod", &"0.5"],
+        &["--lod"],
+    );
     let json = folder.path().join("a.json");
     fails(folder.path(), &[&"bake", &sample("studio.ply"), &"-o", &json], &[".tileset.json"]);
     assert!(names_in(folder.path()).is_empty());
@@ -243,7 +269,8 @@ fn several_inputs_merge() {
     let folder = tempfile::tempdir().unwrap();
     let report = folder.path().join("report.json");
     let count = |inputs: &[PathBuf]| {
-        let mut arguments: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"bake", &"-q", &"-f", &"--dry-run"];
+        let mut arguments: Vec<&dyn AsRef<std::ffi::OsStr>> =
+            vec![&"bake", &"-q", &"-f", &"--dry-run"];
         inputs.iter().for_each(|i| arguments.push(i));
         arguments.extend([&"-o" as &dyn AsRef<_>, &"scene.glb", &"--report", &report]);
         assert!(trisplat(&arguments).status.success());
@@ -305,7 +332,8 @@ fn layers_go_preset_config_flags() {
         &report,
     ]);
     assert!(output.status.success(), "{}", stderr(&output));
-    let value: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();
+    let value: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();
     assert_eq!(value["options"]["prune"]["min_opacity"], 0.014, "setting over config");
     assert_eq!(value["options"]["backdrop"]["backdrop"], "auto", "flag over config");
     assert_eq!(value["options"]["prune"]["max_sigma"], 2.5, "config over preset");
@@ -317,10 +345,17 @@ fn the_config_of_the_samples_is_taken_with_its_schema() {
     let folder = tempfile::tempdir().unwrap();
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/bake.json");
     let report = folder.path().join("report.json");
-    let bake = [&"bake" as &dyn AsRef<std::ffi::OsStr>, &"--dry-run", &sample("studio.ply"), &"-o", &"s.glb"];
+    let bake = [
+        &"bake" as &dyn AsRef<std::ffi::OsStr>,
+        &"--dry-run",
+        &sample("studio.ply"),
+        &"-o",
+        &"s.glb",
+    ];
     let output = trisplat(&[&bake[..], &[&"--config", &config, &"--report", &report]].concat());
     assert!(output.status.success(), "{}", stderr(&output));
-    let value: serde_json::Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
+    let value: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
     assert_eq!(value["options"]["prune"]["max_triangles"], 2_000_000);
     assert_eq!(value["options"]["output"]["target"], "godot");
 }
@@ -332,7 +367,14 @@ fn a_misspelt_key_names_the_right_ones() {
     std::fs::write(&config, "{\n  \"prune\": { \"min_opacty\": 0.3 }\n}").unwrap();
     fails(
         folder.path(),
-        &[&"bake", &sample("studio.ply"), &"-o", &folder.path().join("s.glb"), &"--config", &config],
+        &[
+            &"bake",
+            &sample("studio.ply"),
+            &"-o",
+            &folder.path().join("s.glb"),
+            &"--config",
+            &config,
+        ],
         &["bake.json", "line 2", "min_opacty", "`min_opacity`"],
     );
 }
@@ -356,13 +398,25 @@ fn bad_arguments_fail_before_any_work() {
         &[&"bake", &soup, &"-o", &out, &"--set", &"scale=0"],
         &["scale is 0", "expected 0.000000001 or more"],
     );
-    fails(folder.path(), &[&"bake", &soup, &"-o", &out, &"--set", &"scale=nan"], &["--set", "a number"]);
+    fails(
+        folder.path(),
+        &[&"bake", &soup, &"-o", &out, &"--set", &"scale=nan"],
+        &["--set", "a number"],
+    );
     let obj = [&"bake" as &dyn AsRef<std::ffi::OsStr>, &soup, &"-o", &"-", &"--format", &"obj"];
     fails(folder.path(), &obj, &["second file"]);
     fails(folder.path(), &[&"bake", &folder.path(), &"-o", &out], &["is a folder"]);
     fails(folder.path(), &[&"bake", &folder.path().join("no.ply"), &"-o", &out], &["no.ply"]);
-    fails(folder.path(), &[&"bake", &soup, &"-o", &folder.path().join("no/where.glb")], &["where.glb"]);
-    fails(folder.path(), &[&"bake", &soup, &"-o", &out, &"--set", &"min_opacity=2"], &["min_opacity is 2"]);
+    fails(
+        folder.path(),
+        &[&"bake", &soup, &"-o", &folder.path().join("no/where.glb")],
+        &["where.glb"],
+    );
+    fails(
+        folder.path(),
+        &[&"bake", &soup, &"-o", &out, &"--set", &"min_opacity=2"],
+        &["min_opacity is 2"],
+    );
     let nowhere = "90,90,90,91,91,91";
     fails(folder.path(), &[&"bake", &soup, &"-o", &out, &"--crop", &nowhere], &["--crop"]);
 }
@@ -371,13 +425,22 @@ fn bad_arguments_fail_before_any_work() {
 #[test]
 fn a_full_disk_is_one_error() {
     let folder = tempfile::tempdir().unwrap();
-    fails(folder.path(), &[&"bake", &sample("studio.ply"), &"-o", &"/dev/full"], &["/dev/full", "space"]);
+    fails(
+        folder.path(),
+        &[&"bake", &sample("studio.ply"), &"-o", &"/dev/full"],
+        &["/dev/full", "space"],
+    );
 }
 
 #[test]
 fn completions_and_schemas_print() {
     for shell in ["bash", "zsh", "fish"] {
-        assert!(String::from_utf8_lossy(&trisplat(&[&"completions", &shell]).stdout).contains("trisplat"));
+        assert!(
+            String::from_utf8_lossy(&trisplat(&[&"completions", &shell]).stdout)
+                .contains("trisplat")
+        );
     }
-    assert!(String::from_utf8_lossy(&trisplat(&[&"schema", &"bake"]).stdout).contains("min_opacity"));
+    assert!(
+        String::from_utf8_lossy(&trisplat(&[&"schema", &"bake"]).stdout).contains("min_opacity")
+    );
 }

@@ -18,12 +18,15 @@ type Found<'a> = dyn FnMut(&Numbers<'_>, &str, (f64, f64)) + 'a;
 /// Calls `found` with every number of every option, and its range.
 fn every(found: &mut Found<'_>) {
     let mut bake = BakeOptions::default();
-    (bake.teacher.teacher_pictures, bake.prune.max_triangles) = (Some(5), Some(5));
-    (bake.unseen.max_error, bake.lod.lod) = (Some(0.5), vec![0.5]);
+    bake.teacher.teacher_pictures = Some(5);
+    bake.prune.max_triangles = Some(5);
+    bake.unseen.max_error = Some(0.5);
+    bake.lod.lod = vec![0.5];
     numbers(&bake, BakeOptions::validate, Called::ByFlag, found);
     let mut mesh = MeshOptions::default();
-    (mesh.surface.resolution, mesh.surface.voxel, mesh.surface.max_triangles) =
-        (Some(128), Some(0.5), Some(5));
+    mesh.surface.resolution = Some(128);
+    mesh.surface.voxel = Some(0.5);
+    mesh.surface.max_triangles = Some(5);
     numbers(&mesh, MeshOptions::validate, Called::ByFlag, found);
     let plan = PlanOptions { blocks: Some(5), ..PlanOptions::default() };
     numbers(&plan, PlanOptions::validate, Called::ByFlag, found);
@@ -47,7 +50,8 @@ fn numbers<T: Serialize + DeserializeOwned + JsonSchema>(
 ) {
     validate(options).expect("the defaults are in range");
     let read = |value| {
-        let read: T = serde_json::from_value(value).map_err(|e| Error::invalid("options", e, "a number"))?;
+        let read: T =
+            serde_json::from_value(value).map_err(|e| Error::invalid("options", e, "a number"))?;
         validate(&read)
     };
     let json = serde_json::to_value(options).expect("options are JSON");
@@ -83,7 +87,8 @@ fn every_number_of_every_option_has_a_range_and_keeps_to_it() {
         }
         count += 1;
         assert!(range.0 > f64::MIN && range.1 < f64::MAX, "{key} has no range");
-        let name = if *called == Called::ByKey { key } else { key.rsplit('.').next().expect("a name") };
+        let name =
+            if *called == Called::ByKey { key } else { key.rsplit('.').next().expect("a name") };
         for number in outside(range) {
             let whole = number.fract() == 0.0 && number.abs() < 1e18;
             let number: Value = if whole { (number as i64).into() } else { number.into() };
@@ -99,8 +104,11 @@ fn every_number_of_every_option_has_a_range_and_keeps_to_it() {
 /// Numbers just outside a range and far from it.
 fn outside((low, high): (f64, f64)) -> Vec<f64> {
     let below = if low == ABOVE_ZERO { 0.0 } else { low - (1e-6 * low.abs()).max(1e-9) };
-    let near =
-        if low.fract() == 0.0 && high.fract() == 0.0 { [low - 1.0, high + 1.0] } else { [below, 2.0 * high] };
+    let near = if low.fract() == 0.0 && high.fract() == 0.0 {
+        [low - 1.0, high + 1.0]
+    } else {
+        [below, 2.0 * high]
+    };
     [below, near[0], near[1], -1e300, 1e300].into()
 }
 

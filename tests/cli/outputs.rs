@@ -34,7 +34,9 @@ pub(super) fn refused(folder: &Path, arguments: &[&str], needles: &[&str]) {
     assert_eq!(output.status.code(), Some(1), "{arguments:?}: {text}");
     let errors: Vec<&str> = text.lines().filter(|line| line.starts_with("error: ")).collect();
     assert_eq!(errors.len(), 1, "{text}");
-    needles.iter().for_each(|needle| assert!(errors[0].contains(needle), "{:?} lacks {needle:?}", errors[0]));
+    needles
+        .iter()
+        .for_each(|needle| assert!(errors[0].contains(needle), "{:?} lacks {needle:?}", errors[0]));
 }
 
 const TRAIN: [&str; 6] = ["train", "photos", "--steps", "6", "--max-triangles", "200"];
@@ -65,9 +67,17 @@ fn what_cannot_be_written_is_refused_before_work_starts() {
         let flags = train(&["-o", "b.ply", option, "no/where"]);
         refused(folder.path(), &flags, &[option, "no/where", "a file in a folder that exists"]);
     }
-    refused(folder.path(), &train(&["-o", "no/b.ply"]), &["--output", "a file in a folder that exists"]);
+    refused(
+        folder.path(),
+        &train(&["-o", "no/b.ply"]),
+        &["--output", "a file in a folder that exists"],
+    );
     // With the command that makes the folder.
-    refused(folder.path(), &train(&["-o", "no/such/b.ply"]), &["mkdir ", "no/such` makes this one"]);
+    refused(
+        folder.path(),
+        &train(&["-o", "no/such/b.ply"]),
+        &["mkdir ", "no/such` makes this one"],
+    );
     // The input does not exist either: the output is looked at first.
     refused(folder.path(), &["bake", "none.ply", "-o", "no/a.glb"], &["--output", "no/a.glb"]);
     refused(
@@ -75,7 +85,11 @@ fn what_cannot_be_written_is_refused_before_work_starts() {
         &["bake", "a.ply", "-o", "b.glb", "--report", "photos"],
         &["--report", "this is a folder"],
     );
-    refused(folder.path(), &["eval", "a.ply", "photos", "--report", "no/a.json"], &["--report", "no/a.json"]);
+    refused(
+        folder.path(),
+        &["eval", "a.ply", "photos", "--report", "no/a.json"],
+        &["--report", "no/a.json"],
+    );
     assert_eq!(state(folder.path()), before);
 }
 
@@ -98,7 +112,10 @@ fn no_output_is_an_input_or_another_output() {
         &train(&forced(&["-o", "c.ply", "--report", "c.ply"])),
         &["--report is c.ply", "--output does not write"],
     );
-    check(&train(&forced(&["-o", "c.ply", "--report", "./c.checkpoint"])), &["--report", "--checkpoint"]);
+    check(
+        &train(&forced(&["-o", "c.ply", "--report", "./c.checkpoint"])),
+        &["--report", "--checkpoint"],
+    );
     check(
         &train(&forced(&["-o", "c.ply", "--log", "x", "--report", "x"])),
         &["is x: expected a file that", "--report", "--log"],
@@ -108,24 +125,48 @@ fn no_output_is_an_input_or_another_output() {
         &train(&forced(&["-o", "c.ply", "--config", "options.json", "--log", "options.json"])),
         &["--log", input],
     );
-    check(&train(&forced(&["-o", "c.ply", "--report", "photos/sparse/0/images.txt"])), &["--report", input]);
-    check(&train(&forced(&["-o", "c.ply", "--report", "photos/images/view_0001.png"])), &["--report", input]);
+    check(
+        &train(&forced(&["-o", "c.ply", "--report", "photos/sparse/0/images.txt"])),
+        &["--report", input],
+    );
+    check(
+        &train(&forced(&["-o", "c.ply", "--report", "photos/images/view_0001.png"])),
+        &["--report", input],
+    );
     check(
         &train(&forced(&["-o", "c.ply", "--preview", "photos/images"])),
         &["--preview", "does not hold inputs"],
     );
-    check(&["bake", "a.ply", "-o", "q.gltf", "--report", "q.bin"], &["--report is q.bin", "--output"]);
+    check(
+        &["bake", "a.ply", "-o", "q.gltf", "--report", "q.bin"],
+        &["--report is q.bin", "--output"],
+    );
     for name in ["hard.ply", if cfg!(unix) { "soft.ply" } else { "hard.ply" }] {
         if cfg!(unix) {
             check(&["bake", "a.ply", "-o", name, "--force"], &["--output is", input]);
-            check(&["eval", "a.ply", "photos", "--report", name, "--force"], &["--report is", input]);
+            check(
+                &["eval", "a.ply", "photos", "--report", name, "--force"],
+                &["--report is", input],
+            );
         }
     }
-    check(&["eval", "a.ply", "photos", "--report", "photos/test.txt", "--force"], &["--report", input]);
+    check(
+        &["eval", "a.ply", "photos", "--report", "photos/test.txt", "--force"],
+        &["--report", input],
+    );
     let renders = ["--save-renders", "photos/images", "--split", "all", "--force", "--as", "solid"];
     check(&[&["eval", "a.ply", "photos"], &renders[..]].concat(), &["--save-renders", input]);
-    let render =
-        ["render", "a.ply", "--dataset", "photos", "--split", "all", "-o", "photos/images", "--force"];
+    let render = [
+        "render",
+        "a.ply",
+        "--dataset",
+        "photos",
+        "--split",
+        "all",
+        "-o",
+        "photos/images",
+        "--force",
+    ];
     check(&render, &["--output", input]);
 }
 
@@ -150,11 +191,15 @@ fn photos_that_differ_in_their_ending_have_renders_of_their_own() {
 #[test]
 fn a_log_on_a_full_disk_costs_the_log_only() {
     let folder = folder();
-    let output = run(folder.path(), &train(&["-o", "c.ply", "--log", "/dev/full", "--report", "r.json"]));
+    let output =
+        run(folder.path(), &train(&["-o", "c.ply", "--log", "/dev/full", "--report", "r.json"]));
     let said = stderr(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");
     assert!(said.contains("warning: /dev/full: No space left on device"), "{said}");
-    assert!(said.contains("error: c.ply is written, but not everything beside it: /dev/full"), "{said}");
+    assert!(
+        said.contains("error: c.ply is written, but not everything beside it: /dev/full"),
+        "{said}"
+    );
     succeed(run(folder.path(), &["info", "c.ply"]));
     let report: serde_json::Value =
         serde_json::from_slice(&std::fs::read(folder.path().join("r.json")).unwrap()).unwrap();
@@ -166,9 +211,27 @@ fn a_log_on_a_full_disk_costs_the_log_only() {
 fn a_folder_that_goes_away_costs_checkpoints_and_previews_only() {
     let folder = folder();
     std::fs::create_dir(folder.path().join("gone")).unwrap();
-    let flags = ["-o", "c.ply", "--checkpoint", "gone/c.checkpoint", "--checkpoint-every", "1", "--log", "-"];
+    let flags = [
+        "-o",
+        "c.ply",
+        "--checkpoint",
+        "gone/c.checkpoint",
+        "--checkpoint-every",
+        "1",
+        "--log",
+        "-",
+    ];
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
-    command.args(["train", "photos", "--steps", "3000", "--max-triangles", "200", "--log-every", "1"]);
+    command.args([
+        "train",
+        "photos",
+        "--steps",
+        "3000",
+        "--max-triangles",
+        "200",
+        "--log-every",
+        "1",
+    ]);
     command.args(flags).current_dir(folder.path()).stdin(Stdio::null());
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = std::io::BufRead::lines(std::io::BufReader::new(child.stdout.take().unwrap()));
@@ -203,15 +266,23 @@ fn unread(folder: &Path, arguments: &[&str], errors: bool) -> std::process::Exit
 fn a_closed_pipe_never_costs_a_file() {
     let folder = folder();
     let there = |name: &str| folder.path().join(name).is_file();
-    assert!(unread(folder.path(), &["bake", "a.ply", "-o", "a.glb", "-v"], true).success() && there("a.glb"));
-    assert!(unread(folder.path(), &train(&["-o", "c.ply", "-v"]), true).success() && there("c.ply"));
+    assert!(
+        unread(folder.path(), &["bake", "a.ply", "-o", "a.glb", "-v"], true).success()
+            && there("a.glb")
+    );
+    assert!(
+        unread(folder.path(), &train(&["-o", "c.ply", "-v"]), true).success() && there("c.ply")
+    );
     let log = train(&["-o", "d.ply", "--log", "-", "--log-every", "1"]);
     assert!(unread(folder.path(), &log, false).success() && there("d.ply"));
     let eval = ["eval", "a.ply", "photos", "--report", "r.json"];
     assert!(unread(folder.path(), &eval, false).success() && there("r.json"));
-    for arguments in
-        [&["info", "a.ply"][..], &["validate", "a.glb"], &["schema", "bake"], &["completions", "bash"]]
-    {
+    for arguments in [
+        &["info", "a.ply"][..],
+        &["validate", "a.glb"],
+        &["schema", "bake"],
+        &["completions", "bash"],
+    ] {
         assert!(unread(folder.path(), arguments, false).success(), "{arguments:?}");
     }
     // An error that nobody reads is an error all the same.
@@ -224,7 +295,8 @@ fn a_closed_pipe_never_costs_a_file() {
 fn files_of_an_earlier_bake_are_named() {
     let folder = folder();
     let bake = |more: &[&str]| {
-        let output = run(folder.path(), &[&["bake", "a.ply", "-o", "s.glb", "--force"], more].concat());
+        let output =
+            run(folder.path(), &[&["bake", "a.ply", "-o", "s.glb", "--force"], more].concat());
         stderr(&succeed(output))
     };
     let said = bake(&["--lod", "0.5,0.25", "--target", "godot"]);
@@ -254,7 +326,8 @@ fn one_of_two_renders_into_one_folder_wins_and_the_other_says_so() {
     let out = folder.path().join("out");
     std::fs::create_dir(&out).unwrap();
     let render = ["render", "a.ply", "--orbit", "2", "--width", "16", "-o", "out"];
-    let eval = ["eval", "a.ply", "photos", "--split", "all", "--as", "soft", "--save-renders", "out"];
+    let eval =
+        ["eval", "a.ply", "photos", "--split", "all", "--as", "soft", "--save-renders", "out"];
     let held = trisplat_scene::atomic::FolderLock::take(&out).unwrap();
     for arguments in [&render[..], &eval[..]] {
         refused(folder.path(), arguments, &["out: another program is writing into this folder"]);

@@ -10,7 +10,8 @@ fn here(path: &str) -> PathBuf {
 
 fn runs(command: &mut Command) {
     let done = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
-    let said = [done.stdout, done.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
+    let said =
+        [done.stdout, done.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
     assert!(done.status.success(), "{command:?}\n{said}");
 }
 
@@ -48,7 +49,9 @@ fn the_wheel_reads_and_bakes() {
     let wheel = std::fs::read_dir(folder.path()).unwrap().next().unwrap().unwrap().path();
     let site = folder.path().join("site");
     let mut install = Command::new(bin.join("python"));
-    install.args(["-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--target"]).arg(&site);
+    install
+        .args(["-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--target"])
+        .arg(&site);
     runs(install.arg(&wheel));
     let mut test = Command::new(bin.join("python"));
     test.arg("-B").arg(here("python/test_trisplat.py")).arg(here("samples")).arg(folder.path());

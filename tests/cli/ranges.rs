@@ -78,20 +78,29 @@ fn refuses(folder: &Path, command: &str, arg: &Arg, number: &str) {
     // Under a clock: what is accepted may run for ever.
     let mut program = std::process::Command::new("timeout");
     program.args(["-s", "KILL", "60"]).arg(env!("CARGO_BIN_EXE_trisplat")).args(command.split(' '));
-    let output =
-        program.args(rest(command, id)).arg(&flag).current_dir(folder).stdin(Stdio::null()).output().unwrap();
+    let output = program
+        .args(rest(command, id))
+        .arg(&flag)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
     let said = stderr(&output);
     assert!(matches!(output.status.code(), Some(1 | 2)), "{command} {flag} is taken: {said}");
     let name = format!("--{}", arg.get_long().unwrap_or(id));
     let not_here = said.contains("not in this build");
-    assert!(not_here || said.contains(&name), "{command} {flag} is refused for something else: {said}");
+    assert!(
+        not_here || said.contains(&name),
+        "{command} {flag} is refused for something else: {said}"
+    );
 }
 
 #[test]
 fn every_flag_with_a_number_refuses_what_makes_no_sense() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::copy(super::sample("degenerate.ply"), folder.path().join("a.ply")).unwrap();
-    let options = SyntheticOptions { views: 4, width: 16, points: 9, seed: 1, ..SyntheticOptions::default() };
+    let options =
+        SyntheticOptions { views: 4, width: 16, points: 9, seed: 1, ..SyntheticOptions::default() };
     trisplat_synthetic::write(&folder.path().join("photos"), &options).unwrap();
     let mut tried = 0;
     each_command(&Cli::command(), "", &mut |name, command| {

@@ -15,7 +15,8 @@ use std::process::Command;
 
 /// Every line of every ```sh block of the two pages, once.
 fn commands() -> Vec<String> {
-    let page = |name| std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(name)).unwrap();
+    let page =
+        |name| std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(name)).unwrap();
     let pages = [page("README.md"), page("docs/commands.md")].join("\n");
     let blocks = pages.split("```sh\n").skip(1).map(|rest| rest.split("```").next().unwrap());
     let lines = blocks.flat_map(str::lines).map(|l| l.split('#').next().unwrap().trim().to_owned());
@@ -29,7 +30,8 @@ fn prepare(folder: &Path) {
     copy_folder(&root.join("samples/dataset"), &folder.join("samples/dataset"));
     copy_folder(&root.join("samples/dataset"), &folder.join("photos"));
     std::fs::create_dir(folder.join("samples/soups")).unwrap();
-    std::fs::copy(root.join("samples/soups/trained.ply"), folder.join("samples/soups/trained.ply")).unwrap();
+    std::fs::copy(root.join("samples/soups/trained.ply"), folder.join("samples/soups/trained.ply"))
+        .unwrap();
     std::fs::copy(root.join("samples/soups/trained.ply"), folder.join("soft.ply")).unwrap();
     std::fs::write(folder.join("splats.ply"), splats()).unwrap();
     // Fewer and smaller pictures than would be chosen.
@@ -48,9 +50,12 @@ fn prepare(folder: &Path) {
 
 /// A block of opaque Gaussians.
 fn splats() -> String {
-    let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
-    let properties: String = names.split(' ').map(|name| format!("property float {name}\n")).collect();
-    let line = |i: usize| format!("{} {} {} 1 0 -1 4 -0.7 -0.7 -0.7 1 0 0 0\n", i % 4, i / 4 % 4, i / 16);
+    let names =
+        "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    let properties: String =
+        names.split(' ').map(|name| format!("property float {name}\n")).collect();
+    let line =
+        |i: usize| format!("{} {} {} 1 0 -1 4 -0.7 -0.7 -0.7 1 0 0 0\n", i % 4, i / 4 % 4, i / 16);
     let lines: String = (0..64).map(line).collect();
     format!("ply\nformat ascii 1.0\nelement vertex 64\n{properties}end_header\n{lines}")
 }
@@ -66,7 +71,9 @@ fn additions(arguments: &[&str]) -> &'static [&'static str] {
         ["train", ..] => &["--force", "--steps", "60"],
         ["mesh", "photos", ..] => &["--max-size", "96"],
         ["eval", ..] => &["--ssaa", "1"],
-        ["make", ..] => &["--force", "--steps", "200", "--max-size", "60", "--max-triangles", "500"],
+        ["make", ..] => {
+            &["--force", "--steps", "200", "--max-size", "60", "--max-triangles", "500"]
+        }
         _ => &[],
     }
 }
@@ -75,11 +82,14 @@ fn additions(arguments: &[&str]) -> &'static [&'static str] {
 fn every_command_of_the_readme_runs() {
     let folder = tempfile::tempdir().unwrap();
     prepare(folder.path());
-    let (mut ran, mut parsed) = (0, Vec::new());
+    let mut ran = 0;
+    let mut parsed = Vec::new();
     for command in commands() {
         let words: Vec<&str> = command.split_whitespace().collect();
         let mut arguments = match words[..] {
-            ["cargo", "run", "--release", "--", ref rest @ ..] | ["trisplat", ref rest @ ..] => rest.to_vec(),
+            ["cargo", "run", "--release", "--", ref rest @ ..] | ["trisplat", ref rest @ ..] => {
+                rest.to_vec()
+            }
             // The test command runs this very test, and what is installed is what runs here.
             ["bash", "tests/run.sh"] | ["cargo", "install", "--path", "."] => continue,
             _ => panic!("a command of the README that no test knows: {command}"),
@@ -104,20 +114,26 @@ fn every_command_of_the_readme_runs() {
         }
         let more = if only_parsed { &["--help"] } else { additions(&arguments) };
         let mut trisplat = Command::new(env!("CARGO_BIN_EXE_trisplat"));
-        let output = trisplat.current_dir(folder.path()).args(&arguments).args(more).output().unwrap();
+        let output =
+            trisplat.current_dir(folder.path()).args(&arguments).args(more).output().unwrap();
         assert!(output.status.success(), "{command}\n{}", String::from_utf8_lossy(&output.stderr));
         if only_parsed { parsed.push(command) } else { ran += 1 }
     }
     for command in &parsed {
         eprintln!("PARSED ONLY: {command}");
     }
-    assert!(parsed.len() <= 2 && ran >= 10, "{ran} commands ran, {} were only parsed", parsed.len());
+    assert!(
+        parsed.len() <= 2 && ran >= 10,
+        "{ran} commands ran, {} were only parsed",
+        parsed.len()
+    );
 }
 
 /// README.md, CHANGELOG.md and every page below the folders that have some.
 fn pages() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut pages = vec![root.join("README.md"), root.join("CHANGELOG.md"), root.join("python/README.md")];
+    let mut pages =
+        vec![root.join("README.md"), root.join("CHANGELOG.md"), root.join("python/README.md")];
     let mut folders = vec![root.join("docs"), root.join("samples")];
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(folder).unwrap() {
@@ -151,17 +167,26 @@ fn pages_are_short_and_their_links_lead_somewhere() {
     for path in pages() {
         let page = std::fs::read_to_string(&path).unwrap();
         let lines = page.lines().count();
-        assert!(lines <= 200 || path.ends_with("CHANGELOG.md"), "{} has {lines} lines", path.display());
+        assert!(
+            lines <= 200 || path.ends_with("CHANGELOG.md"),
+            "{} has {lines} lines",
+            path.display()
+        );
         for link in page.split("](").skip(1).map(|rest| rest.split(')').next().unwrap()) {
             if link.contains("://") {
                 continue;
             }
             let (file, anchor) = link.split_once('#').unwrap_or((link, ""));
-            let target = if file.is_empty() { path.clone() } else { path.parent().unwrap().join(file) };
+            let target =
+                if file.is_empty() { path.clone() } else { path.parent().unwrap().join(file) };
             assert!(target.exists(), "{} links to {link}, which does not exist", path.display());
             if !anchor.is_empty() {
                 let headings = anchors(&std::fs::read_to_string(&target).unwrap());
-                assert!(headings.contains(anchor), "{} links to {link}: no such heading", path.display());
+                assert!(
+                    headings.contains(anchor),
+                    "{} links to {link}: no such heading",
+                    path.display()
+                );
             }
             links += 1;
         }
@@ -181,8 +206,9 @@ fn every_key_of_a_bake_is_in_its_page_with_its_default() {
         groups.filter_map(|group| group["properties"].as_object()).flatten().collect();
     assert!(keys.len() > 30, "{keys:?}");
     for (key, entry) in keys {
-        let Some(default) =
-            entry.get("default").filter(|value| !value.is_null() && **value != serde_json::json!([]))
+        let Some(default) = entry
+            .get("default")
+            .filter(|value| !value.is_null() && **value != serde_json::json!([]))
         else {
             assert!(page.contains(&format!("`{key}`")), "docs/bake.md does not name {key}");
             continue;
@@ -193,6 +219,9 @@ fn every_key_of_a_bake_is_in_its_page_with_its_default() {
             serde_json::Value::Number(number) => number.as_f64().unwrap().to_string(),
             other => other.to_string(),
         };
-        assert!(page.contains(&format!("`{key}` ({said})")), "docs/bake.md has no `{key}` ({said})");
+        assert!(
+            page.contains(&format!("`{key}` ({said})")),
+            "docs/bake.md has no `{key}` ({said})"
+        );
     }
 }

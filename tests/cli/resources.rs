@@ -33,7 +33,8 @@ fn peak_of_training(data: &Path, megabytes: &str) -> u64 {
 }
 
 fn peak_of_run(data: &Path, megabytes: &str) -> u64 {
-    let (out, report) = (data.join("out.ply"), data.join("report.json"));
+    let out = data.join("out.ply");
+    let report = data.join("report.json");
     let output = trisplat(&[
         &"train",
         &data,
@@ -66,7 +67,9 @@ fn what_decoding_takes_counts_in_the_memory_for_photos() {
     let at = |name: &str| folder.path().join(name);
     let code = |x: u32, y: u32| ((x / 8 + y / 8) % 256) as u8;
     let small = dataset(&at("small"), "png", &|path| {
-        ImageBuffer::from_fn(160, 120, |x, y| Rgba([code(x, y), 9, 9, code(y, x)])).save(path).unwrap();
+        ImageBuffer::from_fn(160, 120, |x, y| Rgba([code(x, y), 9, 9, code(y, x)]))
+            .save(path)
+            .unwrap();
     });
     // 16 bits: 15 MB as they are, 8 MB in 8 bits.
     let deep = dataset(&at("deep"), "png", &|path| {
@@ -98,7 +101,8 @@ fn png_with_a_profile_of(mebibytes: usize) -> Vec<u8> {
     let packed = packed.get_ref();
     let again = packed[ends[0]..ends[1]].repeat(mebibytes - 1);
     let profile = [&b"profile\0\0"[..], &packed[..ends[0]], &again].concat();
-    let (size, rgb) = (glam::UVec2::new(16, 12), vec![[9; 3]; 16 * 12]);
+    let size = glam::UVec2::new(16, 12);
+    let rgb = vec![[9; 3]; 16 * 12];
     let plain = trisplat_scene::image::RgbImage { size, rgb, alpha: None };
     let png = plain.to_png().unwrap();
     // Behind the signature and the header.
@@ -122,7 +126,8 @@ fn a_colour_profile_that_unpacks_to_a_thousand_times_its_size_costs_no_memory() 
     let folder = tempfile::tempdir().unwrap();
     let png = png_with_a_profile_of(2048);
     assert!(png.len() < 4 << 20, "{}", png.len());
-    let data = dataset(&folder.path().join("set"), "png", &|path| std::fs::write(path, &png).unwrap());
+    let data =
+        dataset(&folder.path().join("set"), "png", &|path| std::fs::write(path, &png).unwrap());
     let out = data.join("out.ply");
     let commands: [&[&dyn AsRef<std::ffi::OsStr>]; 2] = [
         &[&"info", &data],
@@ -184,7 +189,14 @@ fn a_training_goes_on_where_the_system_starts_no_more_threads() {
         command.args(["--reuid", "54321", "--regid", "54321", "--clear-groups", "bash"]);
     }
     command.args(["-c", "ulimit -u 3 && exec \"$0\" \"$@\""]).arg(&program).arg("train").arg(&data);
-    command.arg("-o").arg(data.join("out.ply")).args(["--steps", "3", "--threads", "1", "--teacher", "off"]);
+    command.arg("-o").arg(data.join("out.ply")).args([
+        "--steps",
+        "3",
+        "--threads",
+        "1",
+        "--teacher",
+        "off",
+    ]);
     let output = command.env("TMPDIR", folder.path()).stdin(Stdio::null()).output().unwrap();
     let text = stderr(&output);
     if is_root {

@@ -6,7 +6,9 @@ use std::process::Command;
 use trisplat_bake::{Bake, BakeOptions, Views};
 use trisplat_bench::scenes;
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_formats::{self as formats, OutputOptions, OutputTarget, ReadOptions, ply::write_soup};
+use trisplat_formats::{
+    self as formats, OutputOptions, OutputTarget, ReadOptions, ply::write_soup,
+};
 use trisplat_job::EvalJob;
 use trisplat_scene::{ImportedScene, Scene, Soup};
 
@@ -37,8 +39,9 @@ fn degenerate_is_current() {
 fn train_as_the_readme_does(folder: &Path) -> Vec<u8> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let readme = std::fs::read_to_string(root.join("README.md")).unwrap();
-    let command =
-        readme.lines().find_map(|line| line.strip_prefix("cargo run --release -- train samples/dataset "));
+    let command = readme
+        .lines()
+        .find_map(|line| line.strip_prefix("cargo run --release -- train samples/dataset "));
     let output = folder.join("trained.ply");
     let mut trisplat = Command::new(env!("CARGO_BIN_EXE_trisplat"));
     trisplat.current_dir(root).args(["train", "samples/dataset", "-q"]);
@@ -81,7 +84,10 @@ fn trained_is_what_the_command_of_the_readme_writes() {
     let [count, wants] = [&new, &old].map(|loaded| loaded.scene.triangle_count() as f64);
     assert!((count / wants - 1.0).abs() < 0.05, "{count} triangles, not {wants}");
     let [psnr, wants] = [&new, &old].map(|loaded| file_psnr(loaded, &dataset, None));
-    assert!((psnr - wants).abs() < 0.5, "{psnr:.2} dB, not {wants:.2} dB: UPDATE=1 rewrites trained.ply");
+    assert!(
+        (psnr - wants).abs() < 0.5,
+        "{psnr:.2} dB, not {wants:.2} dB: UPDATE=1 rewrites trained.ply"
+    );
 }
 
 fn samples() -> PathBuf {
@@ -116,7 +122,10 @@ fn trained() -> ImportedScene {
 fn the_trained_sample_meets_held_out_photos_as_a_file() {
     let (plain, with_photos) = without_and_with_photos(&trained());
     // Measured 29.54 and 29.65 dB.
-    assert!(plain > 29.0 && with_photos > 29.2 && with_photos > plain, "{plain:.2} {with_photos:.2}");
+    assert!(
+        plain > 29.0 && with_photos > 29.2 && with_photos > plain,
+        "{plain:.2} {with_photos:.2}"
+    );
 }
 
 /// A training leaves colours little to gain; those of a scene with a tenth less contrast have more.
@@ -133,17 +142,26 @@ fn photos_improve_the_bake_of_a_scene_of_dull_colours() {
 fn the_package_holds_what_a_build_needs_and_nothing_else() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut cargo = Command::new(env!("CARGO"));
-    let done =
-        cargo.args(["package", "--list", "--allow-dirty", "--offline"]).current_dir(root).output().unwrap();
+    let done = cargo
+        .args(["package", "--list", "--allow-dirty", "--offline"])
+        .current_dir(root)
+        .output()
+        .unwrap();
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     let files = String::from_utf8(done.stdout).unwrap();
-    for needed in ["src/main.rs", "schemas/bake.schema.json", "samples/soups/studio.ply", "LICENSE-MIT"] {
+    for needed in
+        ["src/main.rs", "schemas/bake.schema.json", "samples/soups/studio.ply", "LICENSE-MIT"]
+    {
         assert!(files.lines().any(|file| file == needed), "{needed} is missing from\n{files}");
     }
-    let strays = files.lines().filter(|file| file.contains("node_modules") || file.contains("target/"));
+    let strays =
+        files.lines().filter(|file| file.contains("node_modules") || file.contains("target/"));
     assert_eq!(strays.collect::<Vec<_>>(), Vec::<&str>::new());
-    let bytes: u64 =
-        files.lines().filter_map(|file| std::fs::metadata(root.join(file)).ok()).map(|m| m.len()).sum();
+    let bytes: u64 = files
+        .lines()
+        .filter_map(|file| std::fs::metadata(root.join(file)).ok())
+        .map(|m| m.len())
+        .sum();
     // A registry takes 10 MB, compressed; these are not.
     assert!(bytes < 10_000_000, "{bytes} bytes");
 }
@@ -160,7 +178,8 @@ fn no_name_of_a_city_is_executed_by_the_cluster_script() {
     for made in [&city, &at("bin"), &at("jobs")] {
         std::fs::create_dir(made).unwrap();
     }
-    let manifest = "{\n \"blocks\": [\n {\"key\": 1},\n {\"key\": 2}\n ],\n \"bytes\": 123456789\n}";
+    let manifest =
+        "{\n \"blocks\": [\n {\"key\": 1},\n {\"key\": 2}\n ],\n \"bytes\": 123456789\n}";
     std::fs::write(city.join("manifest.json"), manifest).unwrap();
     let tool = |name: &str, script: &str| {
         std::fs::write(at("bin").join(name), format!("#!/bin/sh\n{script}\n")).unwrap();
@@ -172,7 +191,8 @@ fn no_name_of_a_city_is_executed_by_the_cluster_script() {
     let run = |script: &Path, argument: &Path| {
         let mut shell = Command::new("sh");
         shell.arg(script).arg(argument).current_dir(folder.path()).env("PATH", &path);
-        let output = shell.env("SLURM_ARRAY_TASK_ID", "1").env("SLURM_CPUS_PER_TASK", "2").output().unwrap();
+        let output =
+            shell.env("SLURM_ARRAY_TASK_ID", "1").env("SLURM_CPUS_PER_TASK", "2").output().unwrap();
         assert!(output.status.success(), "{}", stderr(&output));
     };
     run(&Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/cluster/slurm.sh"), &city);
@@ -185,5 +205,9 @@ fn no_name_of_a_city_is_executed_by_the_cluster_script() {
          <bake><{city}><-o><{city}/city.tileset.json><-f>\n"
     );
     assert_eq!(std::fs::read_to_string(at("said")).unwrap(), wants);
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4, "a command of the name was executed");
+    assert_eq!(
+        std::fs::read_dir(folder.path()).unwrap().count(),
+        4,
+        "a command of the name was executed"
+    );
 }

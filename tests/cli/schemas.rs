@@ -38,7 +38,11 @@ jsonschema.Draft202012Validator.check_schema(schema)
 for e in jsonschema.Draft202012Validator(schema).iter_errors(value): print(e.json_path, e.message)";
     let python = root().join("target/judges/venv/bin/python");
     if !python.exists() {
-        assert!(std::env::var_os("TRISPLAT_REQUIRE_JUDGES").is_none(), "no Python at {}", python.display());
+        assert!(
+            std::env::var_os("TRISPLAT_REQUIRE_JUDGES").is_none(),
+            "no Python at {}",
+            python.display()
+        );
         crate::skip::skipped("no target/judges: run tests/run.sh");
         return None;
     }
@@ -89,14 +93,21 @@ fn a_real_report_satisfies_its_schema() {
 fn the_report_of_a_training_has_the_same_shape() {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("scene.ply").display().to_string();
-    let value = report_of(&["train", "samples/dataset", "--steps", "3", "--teacher", "off", "-o", &scene]);
+    let value =
+        report_of(&["train", "samples/dataset", "--steps", "3", "--teacher", "off", "-o", &scene]);
     satisfies(SchemaName::Report, &value);
     satisfies(SchemaName::Train, &value["options"]);
     let [evidence, teacher, stage] = [0, 1, 2].map(|stage| &value["stages"][stage]);
     assert_eq!(evidence["name"], "evidence");
-    assert_eq!((&teacher["name"], &teacher["skipped"]), (&"teacher".into(), &"`teacher` off".into()));
+    assert_eq!(
+        (&teacher["name"], &teacher["skipped"]),
+        (&"teacher".into(), &"`teacher` off".into())
+    );
     assert_eq!((&value["command"], &stage["name"]), (&"train".into(), &"train".into()));
-    assert!(stage["details"]["psnr"].as_f64().is_some() && stage["after"]["triangles"].as_u64() > Some(0));
+    assert!(
+        stage["details"]["psnr"].as_f64().is_some()
+            && stage["after"]["triangles"].as_u64() > Some(0)
+    );
     assert_eq!(value["outputs"].as_array().map(Vec::len), Some(1));
 }
 
@@ -104,7 +115,8 @@ fn the_report_of_a_training_has_the_same_shape() {
 fn what_eval_and_info_write_satisfies_their_schemas() {
     let folder = tempfile::tempdir().unwrap();
     let report = folder.path().join("eval.json");
-    let (soup, dataset) = (root().join("samples/soups/studio.ply"), root().join("samples/dataset"));
+    let soup = root().join("samples/soups/studio.ply");
+    let dataset = root().join("samples/dataset");
     let run = |command: &mut Command| {
         let output = command.output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

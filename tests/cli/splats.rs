@@ -6,7 +6,8 @@ use trisplat_scene::image::RgbImage;
 
 /// Two Gaussians as a trainer writes them, red before green, in front of a camera at the origin that looks along +z.
 fn scene(folder: &Path) -> PathBuf {
-    let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    let names =
+        "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
     let mut ply = "ply\nformat ascii 1.0\nelement vertex 2\n".to_owned();
     names.split(' ').for_each(|name| ply += &format!("property float {name}\n"));
     ply += "end_header\n0 0 3 -1.8 1.8 -1.8 9 0 0 0 1 0 0 0\n0 0 2 1.8 -1.8 -1.8 9 -1.5 -1.5 -1.5 1 0 0 0\n";
@@ -31,14 +32,17 @@ fn gaussians_are_described_and_drawn_from_the_cameras_beside_them_a_given_list_o
     cameras(&folder.path().join("splats.cameras.json"), 32);
     let said = trisplat(&[&"info", &file]);
     let text = String::from_utf8(said.stdout).unwrap();
-    for needle in ["Gaussian splats, spherical harmonics of degree 0", "splats     2", "cameras    1"] {
+    for needle in
+        ["Gaussian splats, spherical harmonics of degree 0", "splats     2", "cameras    1"]
+    {
         assert!(text.contains(needle), "{text} lacks {needle}");
     }
     assert!(!text.contains("triangles") && !text.contains("bake"), "{text}");
 
     let output = folder.path().join("pictures");
     let drawn = |more: &[&str]| {
-        let mut arguments: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"render", &file, &"-o", &output, &"-f"];
+        let mut arguments: Vec<&dyn AsRef<std::ffi::OsStr>> =
+            vec![&"render", &file, &"-o", &output, &"-f"];
         arguments.extend(more.iter().map(|a| a as &dyn AsRef<std::ffi::OsStr>));
         let done = trisplat(&arguments);
         assert!(done.status.success(), "{}", stderr(&done));
@@ -50,7 +54,11 @@ fn gaussians_are_described_and_drawn_from_the_cameras_beside_them_a_given_list_o
     };
     drawn(&[]);
     assert!(pixel(32)[0] > 240 && pixel(32)[1] < 10, "the nearer one is red: {:?}", pixel(32));
-    assert!(pixel(45)[1] > 120 && pixel(45)[0] < 60, "around it is the wider green one: {:?}", pixel(45));
+    assert!(
+        pixel(45)[1] > 120 && pixel(45)[0] < 60,
+        "around it is the wider green one: {:?}",
+        pixel(45)
+    );
     let list = folder.path().join("list.json");
     cameras(&list, 10);
     drawn(&["--cameras", list.to_str().unwrap()]);
@@ -78,7 +86,11 @@ fn what_only_triangles_have_is_refused_of_gaussians() {
     let list = folder.path().join("cameras.json");
     cameras(&list, 32);
     let before = std::fs::read(&list).unwrap();
-    fails(folder.path(), &[&"bake", &file, &"-f", &"-o", &"a.glb", &"--report", &list], &["cameras.json"]);
+    fails(
+        folder.path(),
+        &[&"bake", &file, &"-f", &"-o", &"a.glb", &"--report", &list],
+        &["cameras.json"],
+    );
     assert_eq!(std::fs::read(&list).unwrap(), before, "the cameras beside Gaussians are an input");
 }
 

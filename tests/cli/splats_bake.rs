@@ -29,7 +29,8 @@ fn ball(folder: &Path) -> PathBuf {
 
 /// The same with some Gaussians that float 4 to 20 radii away.
 fn floating(folder: &Path, name: &str, floaters: usize) -> PathBuf {
-    let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    let names =
+        "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
     let count = 2500;
     let mut ply = format!("ply\nformat ascii 1.0\nelement vertex {}\n", count + floaters);
     names.split(' ').for_each(|name| writeln!(ply, "property float {name}").unwrap());
@@ -41,7 +42,8 @@ fn floating(folder: &Path, name: &str, floaters: usize) -> PathBuf {
         let [r, g, b] = patch;
         let [x, y, z, w] = turn.to_array();
         // Standard deviations of 0.045, and of 0.003 outwards.
-        writeln!(ply, "{} {} {} {r} {g} {b} 4 -3.1 -3.1 -5.8 {w} {x} {y} {z}", p.x, p.y, p.z).unwrap();
+        writeln!(ply, "{} {} {} {r} {g} {b} 4 -3.1 -3.1 -5.8 {w} {x} {y} {z}", p.x, p.y, p.z)
+            .unwrap();
     }
     for i in 0..floaters {
         let p = direction(i, floaters) * (4.0 + 16.0 * i as f32 / floaters as f32);
@@ -85,15 +87,28 @@ fn pictures(folder: &Path, file: &str, background: &str) -> Vec<RgbImage> {
     run(
         folder,
         2,
-        &["render", file, "--cameras", "held.json", "--background", background, "-o", "pictures", "-f"],
+        &[
+            "render",
+            file,
+            "--cameras",
+            "held.json",
+            "--background",
+            background,
+            "-o",
+            "pictures",
+            "-f",
+        ],
     );
-    (0..6).map(|i| RgbImage::load(&folder.join(format!("pictures/view_{i:02}.png"))).unwrap()).collect()
+    (0..6)
+        .map(|i| RgbImage::load(&folder.join(format!("pictures/view_{i:02}.png"))).unwrap())
+        .collect()
 }
 
 /// Fails where `file` does not look like the ball over black and over white.
 fn looks_like_the_ball(folder: &Path, file: &str, floor: f64) {
     for background in ["black", "white"] {
-        let (wanted, found) = (pictures(folder, "ball.ply", background), pictures(folder, file, background));
+        let wanted = pictures(folder, "ball.ply", background);
+        let found = pictures(folder, file, background);
         let score = |(a, b): (&RgbImage, &RgbImage)| metric::psnr(&a.rgb, &b.rgb, None);
         let mean = wanted.iter().zip(&found).map(score).sum::<f64>() / wanted.len() as f64;
         assert!(mean > floor, "{file} over {background}: {mean:.2} dB");
@@ -117,9 +132,14 @@ fn a_ball_of_gaussians_is_a_ball_of_triangles_from_unseen_places_over_black_and_
         run(folder, threads, &[&bake[..], &[file, "--harden=50"]].concat());
     }
     looks_like_the_ball(folder, "listed.glb", FLOORS[1]);
-    run(folder, 2, &["mesh", "ball.ply", "--texture", "--max-triangles", "2000", "-o", "surface.glb"]);
+    run(
+        folder,
+        2,
+        &["mesh", "ball.ply", "--texture", "--max-triangles", "2000", "-o", "surface.glb"],
+    );
     looks_like_the_ball(folder, "surface.glb", FLOORS[2]);
-    let [one, three] = ["one.glb", "three.glb"].map(|file| std::fs::read(folder.join(file)).unwrap());
+    let [one, three] =
+        ["one.glb", "three.glb"].map(|file| std::fs::read(folder.join(file)).unwrap());
     assert!(one == three, "the same bytes for any number of threads");
     let report = std::fs::read_to_string(folder.join("report.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
@@ -144,8 +164,13 @@ fn what_floats_around_a_ball_changes_nothing_but_a_warning() {
 #[test]
 fn gaussians_that_cannot_be_baked_say_why() {
     let folder = tempfile::tempdir().unwrap();
-    let (file, glb) = (ball(folder.path()), folder.path().join("a.glb"));
-    fails(folder.path(), &[&"bake", &file, &file, &"-o", &glb], &["ball.ply", "baked alone", "merge"]);
+    let file = ball(folder.path());
+    let glb = folder.path().join("a.glb");
+    fails(
+        folder.path(),
+        &[&"bake", &file, &file, &"-o", &glb],
+        &["ball.ply", "baked alone", "merge"],
+    );
     // Nothing is seen of Gaussians that are points.
     let text = std::fs::read_to_string(&file).unwrap().replace(" -3.1 -3.1 -5.8 ", " -99 -99 -99 ");
     std::fs::write(&file, text).unwrap();
@@ -156,21 +181,36 @@ fn gaussians_that_cannot_be_baked_say_why() {
 #[test]
 fn thin_rods_alone_are_baked() {
     let folder = tempfile::tempdir().unwrap();
-    let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    let names =
+        "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
     for (count, least) in [(60, 2000), (1, 1500)] {
         let mut ply = format!("ply\nformat ascii 1.0\nelement vertex {count}\n");
         names.split(' ').for_each(|name| writeln!(ply, "property float {name}").unwrap());
         ply += "end_header\n";
         for i in 0..count {
             let p = direction(i, 60) * (0.3 + 0.01 * i as f32);
-            let [x, y, z, w] = glam::Quat::from_rotation_arc(Vec3::X, direction(59 - i, 60)).to_array();
+            let [x, y, z, w] =
+                glam::Quat::from_rotation_arc(Vec3::X, direction(59 - i, 60)).to_array();
             // Standard deviations of 0.2 and 0.004.
-            writeln!(ply, "{} {} {} 1 0 0 6 -1.6 -5.5 -5.5 {w} {x} {y} {z}", p.x, p.y, p.z).unwrap();
+            writeln!(ply, "{} {} {} 1 0 0 6 -1.6 -5.5 -5.5 {w} {x} {y} {z}", p.x, p.y, p.z)
+                .unwrap();
         }
         std::fs::write(folder.path().join("rods.ply"), ply).unwrap();
-        let bake =
-            ["bake", "rods.ply", "-o", "rods.glb", "--preset", "fast", "--max-triangles", "300", "--force"];
+        let bake = [
+            "bake",
+            "rods.ply",
+            "-o",
+            "rods.glb",
+            "--preset",
+            "fast",
+            "--max-triangles",
+            "300",
+            "--force",
+        ];
         run(folder.path(), 2, &bake);
-        assert!(std::fs::metadata(folder.path().join("rods.glb")).unwrap().len() > least, "{count}");
+        assert!(
+            std::fs::metadata(folder.path().join("rods.glb")).unwrap().len() > least,
+            "{count}"
+        );
     }
 }

@@ -35,7 +35,9 @@ impl Stopper {
             Event::Begins(begins) if begins.part != TrainPart::Scene => self.training += 1,
             Event::Teacher(teacher) => self.teacher = Some(Trained::clone(teacher)),
             Event::Train(_, TrainEvent::Step { sample, .. })
-                if self.at.is_some_and(|(which, step)| self.training == which + 1 && sample.step >= step) =>
+                if self.at.is_some_and(|(which, step)| {
+                    self.training == which + 1 && sample.step >= step
+                }) =>
             {
                 return ControlFlow::Break(());
             }
@@ -46,7 +48,8 @@ impl Stopper {
 }
 
 fn job(photos: &Path, options: TrainOptions, point: &Path) -> TrainJob {
-    let mut job = TrainJob::new(Dataset::load(photos, &DatasetOptions::default()).unwrap(), options);
+    let mut job =
+        TrainJob::new(Dataset::load(photos, &DatasetOptions::default()).unwrap(), options);
     job.teacher = Some(TeacherSource::Auto);
     job.outputs.checkpoint = Some(point.to_owned());
     job.resume = point.is_file().then(|| checkpoint::read(point).unwrap());
@@ -66,14 +69,17 @@ fn a_run_stopped_before_its_own_first_step_begins_again_and_ends_as_one_that_nev
     let photos = photos(folder.path(), 20, 50);
     let point = folder.path().join("a.checkpoint");
     let mut observer = Stopper { at: Some((0, 9)), ..Stopper::default() };
-    let error = job(&photos, without_shell(), &point).run(&mut |event| observer.tell(&event)).unwrap_err();
+    let error =
+        job(&photos, without_shell(), &point).run(&mut |event| observer.tell(&event)).unwrap_err();
     let said = error.to_string();
     let what = "the training of a soft teacher scene, after 9 of ";
     assert!(matches!(error, Error::Stopped { .. }) && said.contains(what), "{said}");
     assert!(said.contains("nothing was written") && !point.exists(), "{said}");
     let mut observer = Stopper::default();
-    let straight =
-        job(&photos, without_shell(), &point).run(&mut |event| observer.tell(&event)).unwrap().trained;
+    let straight = job(&photos, without_shell(), &point)
+        .run(&mut |event| observer.tell(&event))
+        .unwrap()
+        .trained;
     assert!(observer.training == 1 && observer.teacher.is_some());
     let again = job(&photos, without_shell(), &point).run(&mut |_| Continue(())).unwrap().trained;
     assert!(again.soup == straight.soup && again.steps == straight.steps);
@@ -89,7 +95,11 @@ fn continuing(printed: &str) -> &str {
 fn typed(folder: &Path, words: &str) -> Command {
     let mut command = Command::new("sh");
     let program = env!("CARGO_BIN_EXE_trisplat");
-    command.arg("-c").arg(format!("exec '{program}' {words}")).current_dir(folder).stdin(Stdio::null());
+    command
+        .arg("-c")
+        .arg(format!("exec '{program}' {words}"))
+        .current_dir(folder)
+        .stdin(Stdio::null());
     command
 }
 
@@ -165,7 +175,10 @@ fn a_run_with_a_requested_teacher_that_is_stopped_goes_on() {
     succeed(&mut train_few(folder, "straight.ply", &flags(&[])));
     let stopped = succeed(&mut train_few(folder, "a.ply", &flags(&["--max-cpu-secs", "1e-9"])));
     let said = stderr(&stopped);
-    assert!(folder.join("a.checkpoint").is_file() && folder.join("a.teacher.ply").is_file(), "{said}");
+    assert!(
+        folder.join("a.checkpoint").is_file() && folder.join("a.teacher.ply").is_file(),
+        "{said}"
+    );
     succeed(&mut typed(folder, continuing(&said)));
     assert!(read(folder, "a.ply") == read(folder, "straight.ply"));
 }
@@ -173,7 +186,8 @@ fn a_run_with_a_requested_teacher_that_is_stopped_goes_on() {
 /// Darkens every other photo.
 #[cfg(unix)]
 fn differ_in_light(photos: &Path) {
-    let entries = std::fs::read_dir(photos.join("images")).unwrap().map(|entry| entry.unwrap().path());
+    let entries =
+        std::fs::read_dir(photos.join("images")).unwrap().map(|entry| entry.unwrap().path());
     let mut paths: Vec<PathBuf> = entries.collect();
     paths.sort();
     for path in paths.iter().step_by(2) {
@@ -191,8 +205,10 @@ fn make(folder: &Path, more: &str) -> Command {
 #[cfg(unix)]
 #[test]
 fn a_make_that_is_killed_at_any_part_ends_with_the_bytes_of_one_that_was_not() {
-    let (straight, folder) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let (straight, folder) = (straight.path(), folder.path());
+    let straight = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let straight = straight.path();
+    let folder = folder.path();
     // Phones that differ by nothing would have no short training.
     for folder in [straight, folder] {
         differ_in_light(&photos(folder, 12, 600));

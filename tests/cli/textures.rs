@@ -8,7 +8,8 @@ use serde_json::Value;
 fn baked(flags: &[&str]) -> (Vec<u8>, Value, String) {
     let folder = tempfile::tempdir().unwrap();
     let [glb, report] = ["a.glb", "a.json"].map(|name| folder.path().join(name));
-    let (scene, photos) = (sample("trained.ply"), dataset());
+    let scene = sample("trained.ply");
+    let photos = dataset();
     let mut words: Vec<&dyn AsRef<std::ffi::OsStr>> =
         vec![&"bake", &scene, &"--dataset", &photos, &"--preset", &"fast", &"--max-size", &"60"];
     words.extend([&"-o" as &dyn AsRef<std::ffi::OsStr>, &glb, &"--report", &report]);
@@ -16,7 +17,12 @@ fn baked(flags: &[&str]) -> (Vec<u8>, Value, String) {
     let output = trisplat(&words);
     assert!(output.status.success(), "{}", stderr(&output));
     let report: Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
-    let stage = report["stages"].as_array().unwrap().iter().find(|stage| stage["name"] == "texture").unwrap();
+    let stage = report["stages"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|stage| stage["name"] == "texture")
+        .unwrap();
     (std::fs::read(glb).unwrap(), stage.clone(), stderr(&output))
 }
 
@@ -32,8 +38,11 @@ fn has_picture(glb: &[u8]) -> bool {
 
 /// Whether the colours were closer to photos that decided nothing, by both measures.
 fn colors_won(stage: &Value) -> bool {
-    let figure = |name: &str| stage["details"][name].as_f64().unwrap_or_else(|| panic!("{name}: {stage}"));
-    ["psnr", "ssim"].iter().all(|of| figure(&format!("{of}_before")) > figure(&format!("{of}_after")))
+    let figure =
+        |name: &str| stage["details"][name].as_f64().unwrap_or_else(|| panic!("{name}: {stage}"));
+    ["psnr", "ssim"]
+        .iter()
+        .all(|of| figure(&format!("{of}_before")) > figure(&format!("{of}_after")))
 }
 
 #[test]
@@ -52,6 +61,9 @@ fn photos_decide_whether_auto_writes_a_texture() {
 fn who_asks_for_a_texture_gets_one_and_hears_what_photos_prefer() {
     let (glb, stage, said) = baked(&["--texture"]);
     assert!(colors_won(&stage) && has_picture(&glb), "{stage}");
-    assert!(said.contains("warning: the colours were closer to the photos than the texture"), "{said}");
+    assert!(
+        said.contains("warning: the colours were closer to the photos than the texture"),
+        "{said}"
+    );
     assert!(said.contains("without --texture, or with its value `auto`"), "{said}");
 }

@@ -32,9 +32,11 @@ pub(super) fn succeed(command: &mut Command) -> Output {
 
 /// The command after "to continue: ", run by a shell as a user would.
 pub(super) fn resume(folder: &Path, printed: &str) -> Output {
-    let command = printed.lines().find_map(|line| line.split_once("to continue: ")).map(|found| found.1);
-    let words =
-        command.and_then(|command| command.strip_prefix("trisplat ")).unwrap_or_else(|| panic!("{printed}"));
+    let command =
+        printed.lines().find_map(|line| line.split_once("to continue: ")).map(|found| found.1);
+    let words = command
+        .and_then(|command| command.strip_prefix("trisplat "))
+        .unwrap_or_else(|| panic!("{printed}"));
     let script = format!("'{}' {words}", env!("CARGO_BIN_EXE_trisplat"));
     succeed(Command::new("sh").arg("-c").arg(script).current_dir(folder).stdin(Stdio::null()))
 }
@@ -50,8 +52,9 @@ fn names(folder: &Path) -> Vec<String> {
 
 fn steps(log: &Path) -> Vec<u64> {
     let text = std::fs::read_to_string(log).unwrap();
-    let line =
-        |line: &str| serde_json::from_str::<serde_json::Value>(line).unwrap()["step"].as_u64().unwrap();
+    let line = |line: &str| {
+        serde_json::from_str::<serde_json::Value>(line).unwrap()["step"].as_u64().unwrap()
+    };
     text.lines().map(line).collect()
 }
 
@@ -64,9 +67,14 @@ fn a_run_resumed_by_the_printed_command_ends_as_one_that_never_stopped() {
     let flags = ["-o", "a b.ply", "--log", "it's.log", "--max-cpu-secs", "0.000001"];
     let stopped = succeed(&mut train(folder.path(), &flags));
     assert!(path("a b.ply").exists() && path("a b.checkpoint").exists());
-    assert_ne!(std::fs::read(path("a b.ply")).unwrap(), std::fs::read(path("straight.ply")).unwrap());
+    assert_ne!(
+        std::fs::read(path("a b.ply")).unwrap(),
+        std::fs::read(path("straight.ply")).unwrap()
+    );
     resume(folder.path(), &stderr(&stopped));
-    assert!(std::fs::read(path("a b.ply")).unwrap() == std::fs::read(path("straight.ply")).unwrap());
+    assert!(
+        std::fs::read(path("a b.ply")).unwrap() == std::fs::read(path("straight.ply")).unwrap()
+    );
     assert_eq!(steps(&path("it's.log")), steps(&path("straight.log")));
     assert_eq!(steps(&path("straight.log")).last(), Some(&30));
 }
@@ -74,10 +82,14 @@ fn a_run_resumed_by_the_printed_command_ends_as_one_that_never_stopped() {
 #[test]
 fn a_preset_that_is_set_has_its_own_values() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("indoor.json"), r#"{ "$schema": "x.json", "preset": "indoor" }"#)
-        .unwrap();
+    std::fs::write(
+        folder.path().join("indoor.json"),
+        r#"{ "$schema": "x.json", "preset": "indoor" }"#,
+    )
+    .unwrap();
     let options = |how: &[&str]| {
-        let flags = [&["-o", "a.ply", "--steps", "1", "--report", "a.json", "--force"], how].concat();
+        let flags =
+            [&["-o", "a.ply", "--steps", "1", "--report", "a.json", "--force"], how].concat();
         succeed(&mut train(folder.path(), &flags));
         let report = std::fs::read(folder.path().join("a.json")).unwrap();
         serde_json::from_slice::<serde_json::Value>(&report).unwrap()["options"].clone()
@@ -86,7 +98,10 @@ fn a_preset_that_is_set_has_its_own_values() {
     assert_eq!(typed["loss"]["dssim"], 0.4);
     assert_eq!(options(&["--set", "preset=indoor"]), typed);
     assert_eq!(options(&["--config", "indoor.json"]), typed);
-    assert_eq!(options(&["--config", "indoor.json", "--set", "preset=solid"])["loss"]["dssim"], 0.05);
+    assert_eq!(
+        options(&["--config", "indoor.json", "--set", "preset=solid"])["loss"]["dssim"],
+        0.05
+    );
 }
 
 #[cfg(unix)]
@@ -141,7 +156,8 @@ fn figures_of_photos_that_were_shrunk_name_their_size() {
     let line = said.lines().find(|line| line.contains("held out")).unwrap();
     assert!(line.ends_with(", photos at 80x60)"), "{said}");
     let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
-    let last: serde_json::Value = serde_json::from_str(read("a.log").lines().last().unwrap()).unwrap();
+    let last: serde_json::Value =
+        serde_json::from_str(read("a.log").lines().last().unwrap()).unwrap();
     assert_eq!(last["test_size"], "80x60");
     let report: serde_json::Value = serde_json::from_str(&read("r.json")).unwrap();
     assert_eq!(report["stages"][2]["details"]["photo_size"], "80x60");
@@ -155,8 +171,12 @@ fn figures_of_photos_that_were_shrunk_name_their_size() {
         text.lines().filter(|line| line.starts_with("mean")).map(str::to_owned).collect::<Vec<_>>()
     };
     let small = means(&eval(&["--max-size", "80"]));
-    assert!(!small.is_empty() && small.iter().all(|line| line.contains(", photos at 80x60")), "{small:?}");
-    let json: serde_json::Value = serde_json::from_str(&eval(&["--max-size", "80", "--json"])).unwrap();
+    assert!(
+        !small.is_empty() && small.iter().all(|line| line.contains(", photos at 80x60")),
+        "{small:?}"
+    );
+    let json: serde_json::Value =
+        serde_json::from_str(&eval(&["--max-size", "80", "--json"])).unwrap();
     assert_eq!(json["photo_size"], "80x60");
     let full = means(&eval(&[]));
     assert!(!full.is_empty() && full.iter().all(|line| !line.contains("photos at")), "{full:?}");
@@ -167,7 +187,9 @@ fn nothing_is_replaced_without_force() {
     let folder = tempfile::tempdir().unwrap();
     let data = dataset();
     let out = folder.path().join("a.ply");
-    for (flag, name) in [("--report", "r.json"), ("--log", "l.jsonl"), ("--checkpoint", "a.checkpoint")] {
+    for (flag, name) in
+        [("--report", "r.json"), ("--log", "l.jsonl"), ("--checkpoint", "a.checkpoint")]
+    {
         let path = folder.path().join(name);
         std::fs::write(&path, b"precious").unwrap();
         fails(folder.path(), &[&"train", &data, &"-o", &out, &flag, &path], &[name, "--force"]);
@@ -176,7 +198,11 @@ fn nothing_is_replaced_without_force() {
     // The checkpoint that Ctrl-C would write counts as well.
     fails(folder.path(), &[&"train", &data, &"-o", &out], &["a.checkpoint", "--force"]);
     let missing = folder.path().join("no/where.json");
-    fails(folder.path(), &[&"train", &data, &"-o", &out, &"--force", &"--report", &missing], &["where.json"]);
+    fails(
+        folder.path(),
+        &[&"train", &data, &"-o", &out, &"--force", &"--report", &missing],
+        &["where.json"],
+    );
 }
 
 #[test]
@@ -196,7 +222,10 @@ fn a_scene_that_teaches_itself_is_not_overwritten_and_needs_something_to_show() 
                  0 0 0\n0 0 0\n0 0 0\n3 0 1 2 0.5 1 0 0 0\n";
     std::fs::write(folder.path().join("point.ply"), point).unwrap();
     let said = run(&["--from", "soft.ply", "-o", "soft.ply", "--force", "--steps", "1"]);
-    assert!(said.contains("--output is soft.ply: expected a file that is not also an input"), "{said}");
+    assert!(
+        said.contains("--output is soft.ply: expected a file that is not also an input"),
+        "{said}"
+    );
     assert!(std::fs::read(folder.path().join("soft.ply")).unwrap() == before);
     let said = run(&["--from", "point.ply", "-o", "solid.ply"]);
     assert!(said.contains("point.ply") && said.contains("photos of it"), "{said}");
@@ -207,7 +236,8 @@ fn a_scene_that_teaches_itself_is_not_overwritten_and_needs_something_to_show() 
 
 /// What a report says of a stage.
 fn stage(report: &Path, name: &str) -> serde_json::Value {
-    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
     let found = report["stages"].as_array().unwrap().iter().find(|stage| stage["name"] == name);
     found.unwrap_or_else(|| panic!("no {name} in {report}")).clone()
 }
@@ -230,8 +260,14 @@ fn a_soft_scene_is_hardened_and_baked_by_one_command() {
         stderr(&succeed(&mut command))
     };
     let said = bake(&["-o", "plain.glb"]);
-    assert!(said.contains("soft scene: its solid triangles") && said.contains("--harden"), "{said}");
-    assert!(said.lines().any(|l| l.starts_with("teacher") && l.contains(" pictures of ")), "{said}");
+    assert!(
+        said.contains("soft scene: its solid triangles") && said.contains("--harden"),
+        "{said}"
+    );
+    assert!(
+        said.lines().any(|l| l.starts_with("teacher") && l.contains(" pictures of ")),
+        "{said}"
+    );
     let said = bake(&["-o", "hard.glb", "--harden=40"]);
     assert!(!said.contains("soft scene:"), "{said}");
     let report = path("r.json");
@@ -251,7 +287,8 @@ fn a_soft_scene_is_hardened_and_baked_by_one_command() {
     command.current_dir(folder.path()).args(["bake", "mesh.glb", "--harden", "-o", "again.glb"]);
     let said = stderr(&succeed(&mut command));
     assert!(
-        said.lines().any(|l| l.starts_with("train") && l.contains("not needed: the input is a mesh")),
+        said.lines()
+            .any(|l| l.starts_with("train") && l.contains("not needed: the input is a mesh")),
         "{said}"
     );
 }
@@ -259,7 +296,8 @@ fn a_soft_scene_is_hardened_and_baked_by_one_command() {
 #[test]
 fn a_soft_training_says_that_it_is_soft_and_info_how_soft() {
     let folder = tempfile::tempdir().unwrap();
-    let said = stderr(&succeed(&mut train(folder.path(), &["-o", "soft.ply", "--preset", "outdoor"])));
+    let said =
+        stderr(&succeed(&mut train(folder.path(), &["-o", "soft.ply", "--preset", "outdoor"])));
     assert!(said.contains("the scene is soft") && said.contains("bake --harden"), "{said}");
     let said = stderr(&succeed(&mut train(folder.path(), &["-o", "solid.ply"])));
     assert!(!said.contains("the scene is soft"), "{said}");
@@ -289,7 +327,8 @@ fn a_training_that_leaves_nothing_but_its_shell_says_so() {
     ];
     let said = stderr(&succeed(&mut train(folder.path(), &flags)));
     assert!(
-        said.contains("warning: no triangle but the shell is left") && said.contains("--steps 1000"),
+        said.contains("warning: no triangle but the shell is left")
+            && said.contains("--steps 1000"),
         "{said}"
     );
     let said = stderr(&succeed(&mut train(folder.path(), &["-o", "b.ply", "--preset", "outdoor"])));
@@ -300,15 +339,27 @@ fn a_training_that_leaves_nothing_but_its_shell_says_so() {
 fn a_run_of_so_few_steps_that_nothing_is_left_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_trisplat"));
-    command.current_dir(folder.path()).arg("train").arg(dataset()).args(["-o", "a.ply", "--steps", "40"]);
+    command
+        .current_dir(folder.path())
+        .arg("train")
+        .arg(dataset())
+        .args(["-o", "a.ply", "--steps", "40"]);
     let said = super::stderr(
         &command
-            .args(["--max-size", "60", "--set", "init.shell_subdivisions=0", "--set", "densify.until=20000"])
+            .args([
+                "--max-size",
+                "60",
+                "--set",
+                "init.shell_subdivisions=0",
+                "--set",
+                "densify.until=20000",
+            ])
             .output()
             .unwrap(),
     );
     assert!(
-        said.contains("only one triangle is left, because 40 steps") && said.contains("--steps 1000 or more"),
+        said.contains("only one triangle is left, because 40 steps")
+            && said.contains("--steps 1000 or more"),
         "{said}"
     );
 }

@@ -20,11 +20,13 @@ fn report(folder: &Path) -> Value {
 fn a_teacher_is_trained_first_and_its_file_makes_the_same_scene() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let flags = ["-o", "a.ply", "--teacher", "auto", "--report", "report.json", "--checkpoint-every", "20"];
+    let flags =
+        ["-o", "a.ply", "--teacher", "auto", "--report", "report.json", "--checkpoint-every", "20"];
     let said = stderr(&succeed(&mut train(folder, &flags)));
     assert!(said.contains("a soft teacher scene is trained first: 16 steps"), "{said}");
     let report = report(folder);
-    let stages: Vec<_> = report["stages"].as_array().unwrap().iter().map(|stage| &stage["name"]).collect();
+    let stages: Vec<_> =
+        report["stages"].as_array().unwrap().iter().map(|stage| &stage["name"]).collect();
     assert_eq!(stages, ["evidence", "teacher", "train"]);
     assert_eq!(report["stages"][1]["details"]["steps"], 16);
     let outputs: Vec<_> =
@@ -49,14 +51,16 @@ fn a_run_that_goes_on_has_the_teacher_it_began_with() {
     let folder = folder.path();
     let flags = ["-o", "a.ply", "--teacher", "auto", "--checkpoint-every", "20", "--keep", "3"];
     succeed(&mut train(folder, &flags));
-    let (scene, teacher) = (read(folder, "a.ply"), read(folder, "a.teacher.ply"));
+    let scene = read(folder, "a.ply");
+    let teacher = read(folder, "a.teacher.ply");
     let resume = |flags: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
-        command
-            .current_dir(folder)
-            .arg("train")
-            .arg(dataset())
-            .args(["--max-size", "80", "--background", "#203040"]);
+        command.current_dir(folder).arg("train").arg(dataset()).args([
+            "--max-size",
+            "80",
+            "--background",
+            "#203040",
+        ]);
         let checkpoint = ["--resume", "a.step-00000020.checkpoint", "-o", "a.ply", "--force"];
         command.args(checkpoint).args(flags).output().unwrap()
     };
@@ -66,13 +70,21 @@ fn a_run_that_goes_on_has_the_teacher_it_began_with() {
     assert!(read(folder, "a.ply") == scene && read(folder, "a.teacher.ply") == teacher);
     // It is found where it was left, and missed where it is not.
     let by_default = resume(&[]);
-    assert!(by_default.status.success() && read(folder, "a.ply") == scene, "{}", stderr(&by_default));
+    assert!(
+        by_default.status.success() && read(folder, "a.ply") == scene,
+        "{}",
+        stderr(&by_default)
+    );
     for without in [&["--teacher", "off"] as &[&str], &[]] {
         if without.is_empty() {
             std::fs::remove_file(folder.join("a.teacher.ply")).unwrap();
         }
         let refused = resume(without);
-        assert!(!refused.status.success() && stderr(&refused).contains("photo"), "{}", stderr(&refused));
+        assert!(
+            !refused.status.success() && stderr(&refused).contains("photo"),
+            "{}",
+            stderr(&refused)
+        );
     }
 }
 
@@ -89,7 +101,8 @@ fn a_budget_is_spent_on_both() {
     assert!((1.6..4.0).contains(&until), "{until}");
     assert!(budget(2)["spent_secs"].as_f64() > budget(1)["spent_secs"].as_f64());
     // What is printed makes the same scene.
-    let repeat = said.lines().find_map(|line| line.split_once("the same run without it: ")).unwrap().1;
+    let repeat =
+        said.lines().find_map(|line| line.split_once("the same run without it: ")).unwrap().1;
     assert!(repeat.contains(" --teacher a.teacher.ply --teacher-share "), "{repeat}");
     let words: Vec<String> = repeat.split(' ').map(|word| word.replace('"', "")).collect();
     let again: Vec<&str> = words.iter().map(String::as_str).chain(["-o", "again.ply"]).collect();
@@ -108,7 +121,8 @@ pub(super) fn train_few(folder: &Path, out: &str, flags: &[&str]) -> Command {
 pub(super) const SHORT: [&str; 4] = ["--steps", "30", "--max-triangles", "100"];
 
 pub(super) fn few_photos(folder: &Path) {
-    let options = SyntheticOptions { views: 9, width: 24, points: 50, ..SyntheticOptions::default() };
+    let options =
+        SyntheticOptions { views: 9, width: 24, points: 50, ..SyntheticOptions::default() };
     std::fs::create_dir(folder.join("photos")).unwrap();
     trisplat_synthetic::write(&folder.join("photos"), &options).unwrap();
 }
@@ -131,7 +145,9 @@ fn a_run_has_only_the_teacher_that_is_asked_for() {
     assert!(folder.join("a.teacher.ply").exists());
     assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.66"]).0 == taught);
     assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.2"]).0 != taught);
-    for (flags, why) in [(&[] as &[&str], "not asked for"), (&["--teacher", "off"], "`teacher` off")] {
+    for (flags, why) in
+        [(&[] as &[&str], "not asked for"), (&["--teacher", "off"], "`teacher` off")]
+    {
         let (scene, stage) = trains("c.ply", flags);
         assert!(scene != taught && !folder.join("c.teacher.ply").exists(), "{flags:?}");
         let skipped = stage["skipped"].as_str().unwrap();
@@ -156,9 +172,11 @@ fn a_teacher_that_did_not_teach_the_run_is_left_alone() {
 #[test]
 fn what_cannot_teach_is_refused_before_any_work() {
     let folder = tempfile::tempdir().unwrap();
-    let (photos, out) = (dataset(), folder.path().join("a.ply"));
+    let photos = dataset();
+    let out = folder.path().join("a.ply");
     let refuses = |teacher: &Path, more: &[&str], needles: &[&str]| {
-        let mut words: Vec<&dyn AsRef<OsStr>> = vec![&"train", &photos, &"-o", &out, &"--steps", &"30"];
+        let mut words: Vec<&dyn AsRef<OsStr>> =
+            vec![&"train", &photos, &"-o", &out, &"--steps", &"30"];
         words.extend([&"--teacher" as &dyn AsRef<OsStr>, &teacher]);
         words.extend(more.iter().map(|word| word as &dyn AsRef<OsStr>));
         fails(folder.path(), &words, needles);
@@ -168,6 +186,11 @@ fn what_cannot_teach_is_refused_before_any_work() {
     std::fs::write(folder.path().join("a.teacher.ply"), b"precious").unwrap();
     refuses(Path::new("auto"), &[], &["a.teacher.ply", "--force"]);
     assert_eq!(read(folder.path(), "a.teacher.ply"), b"precious");
-    let alone = trisplat(&[&"train", &"--from", &sample("studio.ply"), &"-o", &out, &"--teacher", &"auto"]);
-    assert!(alone.status.code() == Some(2) && stderr(&alone).contains("DATASET"), "{}", stderr(&alone));
+    let alone =
+        trisplat(&[&"train", &"--from", &sample("studio.ply"), &"-o", &out, &"--teacher", &"auto"]);
+    assert!(
+        alone.status.code() == Some(2) && stderr(&alone).contains("DATASET"),
+        "{}",
+        stderr(&alone)
+    );
 }

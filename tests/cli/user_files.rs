@@ -28,7 +28,8 @@ fn photos_in_the_output_of_a_capture_are_refused_and_stay() {
     let fake = Fake::new();
     fake.succeed(&CAPTURE);
     std::fs::create_dir(fake.at("m.make")).unwrap();
-    let copied = Command::new("cp").arg("-r").arg(fake.at("set")).arg(fake.at("m.make/photos")).status();
+    let copied =
+        Command::new("cp").arg("-r").arg(fake.at("set")).arg(fake.at("m.make/photos")).status();
     assert!(copied.unwrap().success());
     std::os::unix::fs::symlink("set/images", fake.at("link")).unwrap();
     std::fs::create_dir(fake.at("linked")).unwrap();
@@ -51,7 +52,8 @@ fn photos_in_the_output_of_a_capture_are_refused_and_stay() {
     for command in inside {
         let words: Vec<&str> = command.split(' ').collect();
         let said = fake.error(&words);
-        let refused = said.contains("lies in the output folder") || said.contains("a folder outside of");
+        let refused =
+            said.contains("lies in the output folder") || said.contains("a folder outside of");
         assert!(refused, "{command}: {said}");
         assert!(all(fake.folder()) == before, "{command}");
     }
@@ -79,7 +81,8 @@ fn a_capture_whose_photos_are_gone_stops_and_nothing_changes() {
 fn a_model_that_the_user_changed_stays() {
     let fake = Fake::new();
     fake.succeed(&CAPTURE);
-    let model = std::fs::read_to_string(fake.at("set/sparse/0/cameras.txt")).unwrap() + "# refined by me\n";
+    let model =
+        std::fs::read_to_string(fake.at("set/sparse/0/cameras.txt")).unwrap() + "# refined by me\n";
     std::fs::write(fake.at("set/sparse/0/cameras.txt"), &model).unwrap();
     let before = all(fake.folder());
     assert_eq!(fake.succeed(&CAPTURE).matches("done before").count(), 4);
@@ -98,7 +101,8 @@ fn a_model_that_the_user_changed_stays() {
 fn a_capture_of_other_photos_is_set_aside_with_the_users_files() {
     let fake = Fake::new();
     fake.succeed(&CAPTURE);
-    let mine = ["images/mine.txt", "sparse/0/mine.txt", "sparse/mine/a", "capture/mine.txt", "mine.txt"];
+    let mine =
+        ["images/mine.txt", "sparse/0/mine.txt", "sparse/mine/a", "capture/mine.txt", "mine.txt"];
     for name in mine {
         std::fs::create_dir_all(fake.at("set").join(name).parent().unwrap()).unwrap();
         std::fs::write(fake.at("set").join(name), name).unwrap();
@@ -107,7 +111,9 @@ fn a_capture_of_other_photos_is_set_aside_with_the_users_files() {
     let old = |name: &str| -> BTreeMap<PathBuf, Vec<u8>> {
         let files = all(&fake.at(name)).into_iter();
         files
-            .map(|(path, bytes)| (fake.at("set").join(path.strip_prefix(fake.at(name)).unwrap()), bytes))
+            .map(|(path, bytes)| {
+                (fake.at("set").join(path.strip_prefix(fake.at(name)).unwrap()), bytes)
+            })
             .collect()
     };
     std::fs::remove_file(fake.at("photos/view_0003.png")).unwrap();
@@ -170,23 +176,42 @@ fn photos_of_one_stem_are_all_taken() {
         ("VIEW_0005.PNG", "view_0004.png"),
         ("view_0005-2.png", "view_0005.png"),
     ] {
-        assert!(pixels(&format!("set/images/{made}")) == pixels(&format!("photos/{from}")), "{made}");
+        assert!(
+            pixels(&format!("set/images/{made}")) == pixels(&format!("photos/{from}")),
+            "{made}"
+        );
     }
 }
 
 /// A short run on small pictures; the fake program finds the poses.
-const MAKE: [&str; 11] =
-    ["make", "photos", "-o", "m.glb", "--max-size", "60", "--steps", "200", "--max-triangles", "500", "-f"];
+const MAKE: [&str; 11] = [
+    "make",
+    "photos",
+    "-o",
+    "m.glb",
+    "--max-size",
+    "60",
+    "--steps",
+    "200",
+    "--max-triangles",
+    "500",
+    "-f",
+];
 
 #[test]
 fn a_users_scene_in_the_working_folder_is_not_replaced() {
     let fake = Fake::new();
     let make = [&MAKE[..], &["--work", "w"]].concat();
-    for name in ["scene.ply", "training.json", "scene.checkpoint", "scene.teacher.ply", "files.json"] {
+    for name in
+        ["scene.ply", "training.json", "scene.checkpoint", "scene.teacher.ply", "files.json"]
+    {
         std::fs::create_dir_all(fake.at("w")).unwrap();
         std::fs::write(fake.at("w").join(name), "mine").unwrap();
         let said = fake.error(&make);
-        assert!(said.contains(&format!("w/{name}: is not a file that trisplat wrote; move it")), "{said}");
+        assert!(
+            said.contains(&format!("w/{name}: is not a file that trisplat wrote; move it")),
+            "{said}"
+        );
         assert_eq!(std::fs::read_to_string(fake.at("w").join(name)).unwrap(), "mine");
         assert_eq!(names(&fake.at("w")).len(), 2, "photos and {name}: {:?}", names(&fake.at("w")));
         std::fs::remove_file(fake.at("w").join(name)).unwrap();
@@ -196,7 +221,8 @@ fn a_users_scene_in_the_working_folder_is_not_replaced() {
     // A finished scene that was changed is baked as it is, and never trained over.
     let scene = std::fs::read(fake.at("w/scene.ply")).unwrap();
     std::fs::write(fake.at("w/scene.ply"), [&scene[..], b"\n"].concat()).unwrap();
-    let other: Vec<&str> = make.iter().map(|word| if *word == "60" { "50" } else { word }).collect();
+    let other: Vec<&str> =
+        make.iter().map(|word| if *word == "60" { "50" } else { word }).collect();
     let said = fake.error(&other);
     assert!(said.contains("w/scene.ply: was changed after trisplat wrote it"), "{said}");
     assert!(std::fs::read(fake.at("w/scene.ply")).unwrap().len() == scene.len() + 1);
@@ -205,13 +231,16 @@ fn a_users_scene_in_the_working_folder_is_not_replaced() {
 #[test]
 fn one_or_two_photos_are_refused_before_anything_runs_and_no_folder_is_left() {
     let fake = Fake::new();
-    for photos in [&["photos/view_0001.png"][..], &["photos/view_0001.png", "photos/view_0002.png"]] {
+    for photos in [&["photos/view_0001.png"][..], &["photos/view_0001.png", "photos/view_0002.png"]]
+    {
         let said = fake.error(&[&["make", "-o", "m.glb"], photos].concat());
         assert!(
             said.contains(&format!("{} photo", photos.len())) && said.contains("give 3 or more"),
             "{said}"
         );
-        assert!(fake.calls().is_empty() && !fake.at("m.make").exists() && !fake.at("m.glb").exists());
+        assert!(
+            fake.calls().is_empty() && !fake.at("m.make").exists() && !fake.at("m.glb").exists()
+        );
     }
     std::fs::create_dir(fake.at("none")).unwrap();
     for input in ["none", "missing", "colmap"] {

@@ -20,8 +20,17 @@ fn ten_k_and_gzip_are_understood() {
     let Ok(done) = done else { return };
     std::fs::write(&packed, done.stdout).unwrap();
     let out = folder.path().join("scene.glb");
-    let output =
-        trisplat(&[&"bake", &packed, &"-o", &out, &"--teacher", &"off", &"--max-triangles", &"0.5k", &"-v"]);
+    let output = trisplat(&[
+        &"bake",
+        &packed,
+        &"-o",
+        &out,
+        &"--teacher",
+        &"off",
+        &"--max-triangles",
+        &"0.5k",
+        &"-v",
+    ]);
     assert!(output.status.success(), "{}", stderr(&output));
     let text = stderr(&output);
     assert!(text.lines().any(|l| l.starts_with("prune") && l.contains("→ 500")), "{text}");
@@ -31,7 +40,8 @@ fn ten_k_and_gzip_are_understood() {
 fn a_flag_is_suggested_only_when_it_is_nearly_what_was_typed() {
     let scene = sample("degenerate.ply");
     let said = |flag: &str| stderr(&trisplat(&[&"bake", &scene, &"-o", &"x.glb", &flag]));
-    let (far, near) = (said("--nope"), said("--max-triangle"));
+    let far = said("--nope");
+    let near = said("--max-triangle");
     assert!(!far.contains("similar argument") && !far.contains("tip:"), "{far}");
     assert!(near.contains("--max-triangles"), "{near}");
 }
@@ -40,14 +50,19 @@ fn a_flag_is_suggested_only_when_it_is_nearly_what_was_typed() {
 fn a_bake_says_what_happened_and_the_rest_with_v() {
     let folder = tempfile::tempdir().unwrap();
     let bake = |name: &str, more: &[&str]| {
-        let (scene, out) = (sample("studio.ply"), folder.path().join(name));
+        let scene = sample("studio.ply");
+        let out = folder.path().join(name);
         let mut arguments: Vec<&dyn AsRef<std::ffi::OsStr>> =
             vec![&"bake", &scene, &"-o", &out, &"--teacher", &"off"];
         more.iter().for_each(|flag| arguments.push(flag));
         stderr(&trisplat(&arguments))
     };
-    let (short, long) = (bake("short.glb", &[]), bake("long.glb", &["-v"]));
-    assert!(!short.contains("not needed") && long.matches("not needed").count() > 5, "{short}\n{long}");
+    let short = bake("short.glb", &[]);
+    let long = bake("long.glb", &["-v"]);
+    assert!(
+        !short.contains("not needed") && long.matches("not needed").count() > 5,
+        "{short}\n{long}"
+    );
     assert!(short.contains("wrote ") && short.lines().count() < 14, "{short}");
 }
 
@@ -68,13 +83,18 @@ fn a_photo_given_to_bake_names_make() {
     let photo = folder.path().join("IMG_1.JPG");
     std::fs::write(&photo, b"\xff\xd8\xff\xe0\0\x10JFIF\0").unwrap();
     let out = folder.path().join("x.glb");
-    fails(folder.path(), &[&"bake", &photo, &"-o", &out], &["IMG_1.JPG: is a photo", "`trisplat make`"]);
+    fails(
+        folder.path(),
+        &[&"bake", &photo, &"-o", &out],
+        &["IMG_1.JPG: is a photo", "`trisplat make`"],
+    );
 }
 
 #[test]
 fn a_missing_input_is_named_first_and_does_not_exist() {
     let folder = tempfile::tempdir().unwrap();
-    let (none, out) = (folder.path().join("none.ply"), folder.path().join("x.glb"));
+    let none = folder.path().join("none.ply");
+    let out = folder.path().join("x.glb");
     let ply = folder.path().join("x.ply");
     let says = [format!("error: {}: does not exist", none.display())];
     let says = says.each_ref().map(String::as_str);
@@ -82,19 +102,34 @@ fn a_missing_input_is_named_first_and_does_not_exist() {
     fails(folder.path(), &[&"info", &none], &says);
     fails(folder.path(), &[&"train", &none, &"-o", &ply], &says);
     fails(folder.path(), &[&"make", &none, &"-o", &out], &says);
-    fails(folder.path(), &[&"bake", &sample("degenerate.ply"), &"--dataset", &none, &"-o", &out], &says);
+    fails(
+        folder.path(),
+        &[&"bake", &sample("degenerate.ply"), &"--dataset", &none, &"-o", &out],
+        &says,
+    );
 }
 
 #[test]
 fn the_name_of_an_engine_suggests_its_target() {
     let said = |target: &str| {
-        stderr(&trisplat(&[&"bake", &sample("degenerate.ply"), &"-o", &"x.glb", &"--target", &target]))
+        stderr(&trisplat(&[
+            &"bake",
+            &sample("degenerate.ply"),
+            &"-o",
+            &"x.glb",
+            &"--target",
+            &target,
+        ]))
     };
     for engine in ["three", "three.js", "threejs", "babylon", "Cesium"] {
         let said = said(engine);
         assert!(said.contains("similar value exists: 'web'"), "{engine}: {said}");
     }
-    assert!(said("interchange").contains("'unreal'") && !said("xy").contains("tip"), "{}", said("xy"));
+    assert!(
+        said("interchange").contains("'unreal'") && !said("xy").contains("tip"),
+        "{}",
+        said("xy")
+    );
 }
 
 #[test]
@@ -119,10 +154,13 @@ fn one_of_something_is_no_plural() {
     let said = String::from_utf8_lossy(&said.stdout).into_owned();
     assert!(said.contains("would drop 1 triangle ("), "{said}");
     // The other one is baked and drawn.
-    let (glb, pictures) = (folder.path().join("a.glb"), folder.path().join("pictures"));
+    let glb = folder.path().join("a.glb");
+    let pictures = folder.path().join("pictures");
     let said = stderr(&trisplat(&[&"bake", &off, &"-o", &glb, &"-v"]));
     assert!(said.contains(" 1 triangle ") && !said.contains(" 1 triangles"), "{said}");
-    let said = stderr(&trisplat(&[&"render", &glb, &"-o", &pictures, &"--orbit", &"1", &"--width", &"16"]));
+    let said = stderr(&trisplat(&[
+        &"render", &glb, &"-o", &pictures, &"--orbit", &"1", &"--width", &"16",
+    ]));
     assert!(said.contains("wrote 1 picture to "), "{said}");
 }
 

@@ -47,7 +47,8 @@ const NASTY: [&str; 24] = [
 fn edits() -> impl Strategy<Value = Vec<Edit>> {
     let at = || 0.0..1.0f64;
     let bytes = || {
-        let poison = [f32::NAN, f32::INFINITY, f32::MAX, -1.0, 1e-45].map(|x| x.to_le_bytes().to_vec());
+        let poison =
+            [f32::NAN, f32::INFINITY, f32::MAX, -1.0, 1e-45].map(|x| x.to_le_bytes().to_vec());
         let counts = [u32::MAX, i32::MAX as u32, 0, 3].map(|x| x.to_le_bytes().to_vec());
         prop_oneof![
             prop::sample::select([&poison[..], &counts[..]].concat()),
@@ -62,7 +63,8 @@ fn edits() -> impl Strategy<Value = Vec<Edit>> {
         (at(), 1..40usize).prop_map(|(at, count)| Edit::Remove { at, count }),
         (at(), 1..80usize).prop_map(|(at, count)| Edit::Repeat { at, count }),
         at().prop_map(|at| Edit::Cut { at }),
-        (at(), prop::sample::select(&NASTY[..])).prop_map(|(which, with)| Edit::Number { which, with }),
+        (at(), prop::sample::select(&NASTY[..]))
+            .prop_map(|(which, with)| Edit::Number { which, with }),
     ];
     prop::collection::vec(edit, 1..5)
 }
@@ -96,7 +98,9 @@ fn apply(edit: &Edit, bytes: &mut Vec<u8>) {
         Edit::Cut { at } => bytes.truncate(place(*at)),
         Edit::Number { which, with } => {
             let starts: Vec<usize> = (0..bytes.len())
-                .filter(|&i| bytes[i].is_ascii_digit() && (i == 0 || !bytes[i - 1].is_ascii_alphanumeric()))
+                .filter(|&i| {
+                    bytes[i].is_ascii_digit() && (i == 0 || !bytes[i - 1].is_ascii_alphanumeric())
+                })
                 .collect();
             let Some(&start) = starts.get((which * starts.len() as f64) as usize) else { return };
             let digits = bytes[start..].iter().take_while(|b| b.is_ascii_digit()).count();
@@ -108,8 +112,10 @@ fn apply(edit: &Edit, bytes: &mut Vec<u8>) {
 /// Gives `count` mutants of `seed`, unless TRISPLAT_FUZZ_CASES says how many, to `survive`, which panics when one is not
 /// survived; and again as many until the time of TRISPLAT_FUZZ_SECONDS is over. A failure is shrunk to the fewest edits and named by them.
 pub(crate) fn mutate(name: &str, seed: &[u8], count: u32, survive: impl Fn(&[u8])) {
-    let cases = std::env::var("TRISPLAT_FUZZ_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(count);
-    let mut runner = TestRunner::new(Config { cases, failure_persistence: None, ..Config::default() });
+    let cases =
+        std::env::var("TRISPLAT_FUZZ_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(count);
+    let mut runner =
+        TestRunner::new(Config { cases, failure_persistence: None, ..Config::default() });
     let began = Instant::now();
     loop {
         let result = runner.run(&edits(), |edits| {

@@ -9,7 +9,11 @@ pub(crate) fn copy_folder(from: &Path, to: &Path) {
         let (path, name) = entry.map(|entry| (entry.path(), entry.file_name())).unwrap();
         match path.is_dir() {
             true => copy_folder(&path, &to.join(name)),
-            false => assert!(std::fs::copy(&path, to.join(name)).unwrap() > 0, "{} is empty", path.display()),
+            false => assert!(
+                std::fs::copy(&path, to.join(name)).unwrap() > 0,
+                "{} is empty",
+                path.display()
+            ),
         }
     }
 }

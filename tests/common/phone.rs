@@ -39,20 +39,25 @@ pub(crate) fn phone_sample(folder: &Path) -> Vec<PhotoTruth> {
 /// The mean of how far `found` is from what was done to the photos of these names, both less their mean, per channel.
 pub(crate) fn error_of_gains(truth: &[PhotoTruth], names: &[&str], found: &[[f32; 3]]) -> f64 {
     assert_eq!(names.len(), found.len());
-    let wanted: Vec<[f64; 3]> =
-        names.iter().map(|name| truth.iter().find(|photo| photo.name == *name).unwrap().gains).collect();
+    let wanted: Vec<[f64; 3]> = names
+        .iter()
+        .map(|name| truth.iter().find(|photo| photo.name == *name).unwrap().gains)
+        .collect();
     let count = names.len() as f64;
     let of_channel = |c: usize| {
-        let mean = wanted.iter().zip(found).map(|(w, f)| w[c] - f64::from(f[c])).sum::<f64>() / count;
-        wanted.iter().zip(found).map(|(w, f)| (w[c] - f64::from(f[c]) - mean).abs()).sum::<f64>() / count
+        let mean =
+            wanted.iter().zip(found).map(|(w, f)| w[c] - f64::from(f[c])).sum::<f64>() / count;
+        wanted.iter().zip(found).map(|(w, f)| (w[c] - f64::from(f[c]) - mean).abs()).sum::<f64>()
+            / count
     };
     (0..3).map(of_channel).sum::<f64>() / 3.0
 }
 
 /// The standard deviation of what was done to the exposure of these photos, as a logarithm.
 pub(crate) fn true_spread(truth: &[PhotoTruth], names: &[&str]) -> f64 {
-    let of =
-        |name: &&str| truth.iter().find(|photo| photo.name == *name).unwrap().gains.iter().sum::<f64>() / 3.0;
+    let of = |name: &&str| {
+        truth.iter().find(|photo| photo.name == *name).unwrap().gains.iter().sum::<f64>() / 3.0
+    };
     let gains: Vec<f64> = names.iter().map(of).collect();
     let mean = gains.iter().sum::<f64>() / gains.len() as f64;
     (gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (gains.len() - 1) as f64).sqrt()

@@ -10,9 +10,16 @@ pub(crate) fn indexed(width: u32, height: u32, palette: &[u8], opacity: &[u8]) -
     let block = [&[0x78, 1, 1][..], &length.to_le_bytes(), &(!length).to_le_bytes(), &rows];
     let data = [&block.concat()[..], &adler32(&rows).to_be_bytes()].concat();
     let mut png = b"\x89PNG\r\n\x1a\n".to_vec();
-    let chunks =
-        [(b"IHDR", &header[..]), (b"PLTE", palette), (b"tRNS", opacity), (b"IDAT", &data), (b"IEND", &[])];
-    for (name, data) in chunks.into_iter().filter(|(name, data)| *name != b"tRNS" || !data.is_empty()) {
+    let chunks = [
+        (b"IHDR", &header[..]),
+        (b"PLTE", palette),
+        (b"tRNS", opacity),
+        (b"IDAT", &data),
+        (b"IEND", &[]),
+    ];
+    for (name, data) in
+        chunks.into_iter().filter(|(name, data)| *name != b"tRNS" || !data.is_empty())
+    {
         png.extend((data.len() as u32).to_be_bytes());
         png.extend([&name[..], data].concat());
         png.extend([0; 4]);
@@ -25,7 +32,8 @@ pub(crate) fn with_checksums(bytes: &[u8]) -> Vec<u8> {
     let mut fixed = bytes.to_vec();
     let mut at = 8;
     while bytes.starts_with(b"\x89PNG") && at + 12 <= bytes.len() {
-        let len = u32::from_be_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]) as usize;
+        let len =
+            u32::from_be_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]) as usize;
         let end = at.saturating_add(8).saturating_add(len);
         if end + 4 > bytes.len() {
             break;
@@ -38,7 +46,9 @@ pub(crate) fn with_checksums(bytes: &[u8]) -> Vec<u8> {
 
 fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(!0u32, |crc, byte| {
-        (0..8).fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg()))
+        (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
+            (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg())
+        })
     })
 }
 

@@ -21,7 +21,12 @@ fn missing_and_broken_photos_are_errors_unless_skipped() {
     for index in 0..40 {
         std::fs::write(photo(index), "").unwrap();
     }
-    assert!(Dataset::load(folder.path(), &options).unwrap_err().to_string().contains("no photo is left"));
+    assert!(
+        Dataset::load(folder.path(), &options)
+            .unwrap_err()
+            .to_string()
+            .contains("no photo is left")
+    );
 }
 
 #[test]
@@ -71,12 +76,19 @@ fn cameras_beyond_what_floats_square_are_refused_and_points_left_out() {
     for scale in [1e16, 1e20, 1e30, 1e200] {
         scaled("images.txt", 5..8, scale, 2);
         let error = error_of(folder.path());
-        assert!(error.contains("images.txt: photo `view_") && error.contains("the limit is 1e15"), "{error}");
+        assert!(
+            error.contains("images.txt: photo `view_") && error.contains("the limit is 1e15"),
+            "{error}"
+        );
     }
     scaled("images.txt", 5..8, 1.0, 2);
     scaled("points3D.txt", 1..4, 1e18, 100);
     let dataset = load(folder.path());
-    assert!(dataset.warnings.iter().any(|w| w.contains("or farther than 1e15")), "{:?}", dataset.warnings);
+    assert!(
+        dataset.warnings.iter().any(|w| w.contains("or farther than 1e15")),
+        "{:?}",
+        dataset.warnings
+    );
 }
 
 #[test]
@@ -90,15 +102,22 @@ fn a_long_word_of_a_file_is_an_excerpt_in_the_message() {
             "{error:.900}"
         );
     };
-    std::fs::write(folder.path().join("sparse/0/cameras.txt"), format!("1 PINHOLE {long} 120 1 1 1 1\n"))
-        .unwrap();
+    std::fs::write(
+        folder.path().join("sparse/0/cameras.txt"),
+        format!("1 PINHOLE {long} 120 1 1 1 1\n"),
+    )
+    .unwrap();
     says(error_of(folder.path()), "the width `9x9x");
     std::fs::remove_dir_all(folder.path().join("sparse")).unwrap();
-    std::fs::write(folder.path().join("transforms.json"), format!(r#"{{"frames": "{long}"}}"#)).unwrap();
+    std::fs::write(folder.path().join("transforms.json"), format!(r#"{{"frames": "{long}"}}"#))
+        .unwrap();
     says(error_of(folder.path()), "transforms.json");
     std::fs::remove_file(folder.path().join("transforms.json")).unwrap();
-    std::fs::write(folder.path().join("poses.csv"), format!("#name,x,y,alt,yaw,pitch,roll,f_35mm\n{long},a"))
-        .unwrap();
+    std::fs::write(
+        folder.path().join("poses.csv"),
+        format!("#name,x,y,alt,yaw,pitch,roll,f_35mm\n{long},a"),
+    )
+    .unwrap();
     says(error_of(&folder.path().join("poses.csv")), "poses.csv");
     std::fs::write(folder.path().join("cameras.xml"), format!("<a>{long}</b>")).unwrap();
     says(error_of(folder.path()), "cameras.xml");
@@ -128,7 +147,12 @@ fn errors_name_the_file_and_the_remedy() {
     spoil("sparse/0/cameras.txt", "PINHOLE", "FOV", &["FOV", "image_undistorter"]);
     spoil("sparse/0/cameras.txt", "160 120", "0 120", &["0x120"]);
     spoil("sparse/0/cameras.txt", "168", "one", &["line 2", "one"]);
-    spoil("sparse/0/images.txt", "1 view_0004.png", "9 view_0004.png", &["view_0004.png", "camera 9"]);
+    spoil(
+        "sparse/0/images.txt",
+        "1 view_0004.png",
+        "9 view_0004.png",
+        &["view_0004.png", "camera 9"],
+    );
     spoil("sparse/0/images.txt", "view_0004.png", "view_0005.png", &["view_0005.png", "twice"]);
     spoil("sparse/0/points3D.txt", "\n1 ", "\n1 x ", &["line 2", "position"]);
 }
@@ -150,7 +174,11 @@ fn a_test_list_may_be_wrong_in_part_but_not_in_whole() {
     std::fs::remove_file(&list).unwrap();
     let every = |n| DatasetOptions { test_every: n, ..DatasetOptions::default() };
     for (n, count) in [(8, 5), (3, 14), (0, 0), (100, 1)] {
-        assert_eq!(Dataset::load(folder.path(), &every(n)).unwrap().test().count(), count, "every {n}");
+        assert_eq!(
+            Dataset::load(folder.path(), &every(n)).unwrap().test().count(),
+            count,
+            "every {n}"
+        );
     }
 }
 
@@ -204,7 +232,10 @@ fn every_cut_and_every_flipped_byte_of_a_binary_model_is_survived() {
         std::fs::write(sparse.join(name), bytes).unwrap();
     }
     let whole = load(folder.path());
-    assert_eq!((whole.kind, whole.views.len(), whole.points.len()), (DatasetKind::ColmapBinary, 2, 2));
+    assert_eq!(
+        (whole.kind, whole.views.len(), whole.points.len()),
+        (DatasetKind::ColmapBinary, 2, 2)
+    );
     assert_eq!(whole.points[0].rgb, [10, 20, 30]);
     let measured = whole.reprojection(&Limits::DEFAULT).unwrap().unwrap();
     assert_eq!(measured.observations, 4, "the observation without a point does not count");
@@ -225,7 +256,10 @@ fn every_cut_and_every_flipped_byte_of_a_binary_model_is_survived() {
                 // Either it still is a data set, and then a valid one, or it says what is wrong.
                 if let Ok(dataset) = Dataset::load(folder.path(), &DatasetOptions::default()) {
                     assert!(
-                        dataset.views.iter().all(|v| v.camera.validate(&trisplat::Limits::DEFAULT).is_ok()),
+                        dataset
+                            .views
+                            .iter()
+                            .all(|v| v.camera.validate(&trisplat::Limits::DEFAULT).is_ok()),
                         "{name} {at}"
                     );
                     assert!(dataset.points.iter().all(|p| p.position.is_finite()), "{name} {at}");

@@ -12,7 +12,9 @@ mod wide;
 use glam::{DVec2, DVec3, UVec2, Vec2};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions, Distortion, Lens, Masks, View, random_points};
+use trisplat_dataset::{
+    Dataset, DatasetKind, DatasetOptions, Distortion, Lens, Masks, View, random_points,
+};
 use trisplat_scene::{Limits, camera::Camera, image::RgbImage, math::metric};
 use trisplat_synthetic::{Ray, SyntheticOptions, trace};
 
@@ -50,7 +52,12 @@ fn assert_same_camera(a: &Camera, b: &Camera, context: &str) {
     assert_eq!(a.size, b.size, "{context}");
     assert!(a.rotation.abs_diff_eq(b.rotation, 1e-6), "{context}: {} {}", a.rotation, b.rotation);
     let reach = 1e-6 * (1.0 + a.position().length());
-    assert!(a.position().abs_diff_eq(b.position(), reach), "{context}: {} {}", a.position(), b.position());
+    assert!(
+        a.position().abs_diff_eq(b.position(), reach),
+        "{context}: {} {}",
+        a.position(),
+        b.position()
+    );
     assert!(a.focal.abs_diff_eq(b.focal, 1e-3), "{context}: {} {}", a.focal, b.focal);
     assert!(a.center.abs_diff_eq(b.center, 1e-3), "{context}: {} {}", a.center, b.center);
 }
@@ -103,7 +110,10 @@ fn real_scenes_have_the_views_and_errors_their_makers_measured() {
     for (name, views, held_out, size, error) in SCENES {
         let Some(path) = real(name) else { continue };
         let dataset = load(&path);
-        assert!(dataset.kind.to_string().starts_with("COLMAP"), "{name}: COLMAP goes before transforms.json");
+        assert!(
+            dataset.kind.to_string().starts_with("COLMAP"),
+            "{name}: COLMAP goes before transforms.json"
+        );
         assert_eq!((dataset.views.len(), dataset.test().count()), (views, held_out), "{name}");
         assert_eq!(dataset.warnings, [""; 0], "{name}");
         assert_eq!(dataset.origin, DVec3::ZERO, "{name}");
@@ -115,7 +125,10 @@ fn real_scenes_have_the_views_and_errors_their_makers_measured() {
             let measured = dataset.reprojection(&Limits::DEFAULT).unwrap().unwrap();
             assert_eq!(measured.behind, 0, "{name}");
             // The makers' figure is from before the photos were resized and some points dropped.
-            assert!((measured.mean_px / want - 1.0).abs() < 0.1, "{name}: {measured:?}, want {want}");
+            assert!(
+                (measured.mean_px / want - 1.0).abs() < 0.1,
+                "{name}: {measured:?}, want {want}"
+            );
         }
     }
 }
@@ -129,11 +142,14 @@ fn real_photos_show_the_points_where_the_cameras_say() {
         let pixels = view.photo.decode().unwrap();
         let size = view.camera.size.as_vec2();
         // The same photo, mirrored, is the control: what a wrong axis would give.
-        let (mut straight, mut mirrored) = (0.0, 0.0);
+        let mut straight = 0.0;
+        let mut mirrored = 0.0;
         for point in &dataset.points {
             let Some(q) = project(&view.camera, point.position) else { continue };
             let at = |q: Vec2| pixels.rgb[q.y as usize * pixels.size.x as usize + q.x as usize];
-            let off = |rgb: [u8; 3]| (0..3).map(|c| f64::from(rgb[c].abs_diff(point.rgb[c]))).sum::<f64>();
+            let off = |rgb: [u8; 3]| {
+                (0..3).map(|c| f64::from(rgb[c].abs_diff(point.rgb[c]))).sum::<f64>()
+            };
             straight += off(at(q));
             for other in [Vec2::new(size.x - q.x, q.y), Vec2::new(q.x, size.y - q.y)] {
                 mirrored += 0.5 * off(at(other.min(size - 1.0)));
@@ -150,12 +166,18 @@ fn masks_of_a_real_scene_are_found_and_used() {
         let options = DatasetOptions { masks, ..DatasetOptions::default() };
         Dataset::load(&path, &options).unwrap().views[3].photo.decode().unwrap()
     };
-    let (ignore, cut, off) = (with(Masks::Ignore), with(Masks::Cut), with(Masks::Off));
+    let ignore = with(Masks::Ignore);
+    let cut = with(Masks::Cut);
+    let off = with(Masks::Off);
     assert_eq!(off.alpha, None);
     assert_eq!(ignore.rgb, off.rgb);
     let weights = ignore.alpha.unwrap();
     assert!(weights.contains(&0) && weights.contains(&255));
-    assert_eq!(cut.alpha.as_ref(), Some(&weights), "what the thing covers, for scores over any background");
+    assert_eq!(
+        cut.alpha.as_ref(),
+        Some(&weights),
+        "what the thing covers, for scores over any background"
+    );
     for ((cut, whole), weight) in cut.rgb.iter().zip(&off.rgb).zip(&weights) {
         match weight {
             0 => assert_eq!(*cut, [0; 3]),
@@ -172,9 +194,10 @@ fn the_sample_is_what_the_generator_makes() {
     let options = SyntheticOptions::default();
     let folder = tempfile::tempdir().unwrap();
     trisplat_synthetic::write_poses(folder.path(), &options).unwrap();
-    for name in ["sparse/0/cameras.txt", "sparse/0/images.txt", "sparse/0/points3D.txt", "test.txt"] {
-        let [made, kept] =
-            [folder.path(), Path::new(SAMPLE)].map(|root| std::fs::read_to_string(root.join(name)).unwrap());
+    for name in ["sparse/0/cameras.txt", "sparse/0/images.txt", "sparse/0/points3D.txt", "test.txt"]
+    {
+        let [made, kept] = [folder.path(), Path::new(SAMPLE)]
+            .map(|root| std::fs::read_to_string(root.join(name)).unwrap());
         assert_eq!(
             made, kept,
             "{name}: run `cargo run -p trisplat-bench -- sample dataset -f -o samples/dataset`"
@@ -184,10 +207,16 @@ fn the_sample_is_what_the_generator_makes() {
     assert_eq!(dataset.views.len(), options.views as usize);
     for index in [0, 21] {
         let view = &dataset.views[index as usize];
-        let exact = trisplat_synthetic::render(&trisplat_synthetic::camera(&options, index)).to_pixels();
+        let exact =
+            trisplat_synthetic::render(&trisplat_synthetic::camera(&options, index)).to_pixels();
         let kept = view.photo.decode().unwrap();
         // One code: another platform's sine may round differently.
-        let off = exact.rgb.as_flattened().iter().zip(kept.rgb.as_flattened()).map(|(a, b)| a.abs_diff(*b));
+        let off = exact
+            .rgb
+            .as_flattened()
+            .iter()
+            .zip(kept.rgb.as_flattened())
+            .map(|(a, b)| a.abs_diff(*b));
         assert!(off.max().unwrap() <= 1, "{}", view.name);
         assert_same_camera(&view.camera, &trisplat_synthetic::camera(&options, index), &view.name);
     }
@@ -216,7 +245,8 @@ fn synthetic_images_are_exact() {
         let corner = DVec2::new((i % width) as f64, (i / width) as f64);
         let mut sum = DVec3::ZERO;
         for k in 0..48 * 48 {
-            let (i, j) = (f64::from(k % 48), f64::from(k / 48));
+            let i = f64::from(k % 48);
+            let j = f64::from(k / 48);
             let pixel = corner + DVec2::new(i + (j + 0.5) / 48.0, j + (i + 0.5) / 48.0) / 48.0;
             let ray = ((pixel - camera.center.as_dvec2()) / camera.focal.as_dvec2()).extend(1.0);
             sum += trace(Ray { origin, direction: to_world * ray }).unwrap().rgb;
@@ -226,7 +256,8 @@ fn synthetic_images_are_exact() {
     }
     let mean = off.iter().sum::<f64>() / off.len() as f64;
     off.sort_by(f64::total_cmp);
-    let (p99, worst) = (off[off.len() * 99 / 100], off[off.len() - 1]);
+    let p99 = off[off.len() * 99 / 100];
+    let worst = off[off.len() - 1];
     // 256 rays where there is an edge: a coverage is right to about a hundredth, 2.5 codes of full contrast.
     assert!(mean < 0.2 && p99 < 2.5 && worst < 6.0, "mean {mean} p99 {p99} worst {worst} of 255");
 }
@@ -239,8 +270,11 @@ fn photos_of_a_distorted_lens_become_photos_of_a_pinhole() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir_all(folder.path().join("images")).unwrap();
     trisplat_synthetic::write_poses(folder.path(), &options).unwrap();
-    let distortion =
-        Distortion { radial: [-0.12, 0.03, 0.0, 0.0], tangential: [0.002, -0.001], ..Distortion::default() };
+    let distortion = Distortion {
+        radial: [-0.12, 0.03, 0.0, 0.0],
+        tangential: [0.002, -0.001],
+        ..Distortion::default()
+    };
     for index in 0..3 {
         let camera = trisplat_synthetic::camera(&options, index);
         let lens = Lens {
@@ -254,8 +288,10 @@ fn photos_of_a_distorted_lens_become_photos_of_a_pinhole() {
             .unwrap();
     }
     let camera = trisplat_synthetic::camera(&options, 0);
-    let (f, c) = (camera.focal, camera.center);
-    let line = format!("1 OPENCV 160 120 {} {} {} {} -0.12 0.03 0.002 -0.001\n", f.x, f.y, c.x, c.y);
+    let f = camera.focal;
+    let c = camera.center;
+    let line =
+        format!("1 OPENCV 160 120 {} {} {} {} -0.12 0.03 0.002 -0.001\n", f.x, f.y, c.x, c.y);
     std::fs::write(folder.path().join("sparse/0/cameras.txt"), line).unwrap();
     let dataset = load(folder.path());
     for view in &dataset.views {
@@ -276,21 +312,34 @@ fn photos_of_a_distorted_lens_become_photos_of_a_pinhole() {
 fn photos_are_shrunk_with_their_cameras() {
     let options = DatasetOptions { max_size: Some(50), ..DatasetOptions::default() };
     let small = Dataset::load(Path::new(SAMPLE), &options).unwrap();
-    let (view, whole) = (&small.views[5], &load(Path::new(SAMPLE)).views[5]);
+    let view = &small.views[5];
+    let whole = &load(Path::new(SAMPLE)).views[5];
     assert_eq!(view.camera.size, UVec2::new(50, 38));
-    assert!(view.camera.focal.abs_diff_eq(whole.camera.focal * Vec2::new(50.0 / 160.0, 38.0 / 120.0), 1e-4));
+    assert!(
+        view.camera
+            .focal
+            .abs_diff_eq(whole.camera.focal * Vec2::new(50.0 / 160.0, 38.0 / 120.0), 1e-4)
+    );
     let pixels = view.photo.decode().unwrap();
     // Rows are averaged while they are decoded, in whole numbers of pixels first: within one code of a picture shrunk at once.
     let at_once = whole.photo.decode().unwrap().downscaled(UVec2::new(50, 38));
-    let apart =
-        pixels.rgb.as_flattened().iter().zip(at_once.rgb.as_flattened()).map(|(a, b)| a.abs_diff(*b)).max();
+    let apart = pixels
+        .rgb
+        .as_flattened()
+        .iter()
+        .zip(at_once.rgb.as_flattened())
+        .map(|(a, b)| a.abs_diff(*b))
+        .max();
     assert!(apart.is_some_and(|codes| codes <= 1), "{apart:?} codes apart");
     let exact = trisplat_synthetic::render(&view.camera).to_pixels();
     let psnr = metric::psnr(&pixels.rgb, &exact.rgb, None);
     // Pixels that a new one covers in part are taken as of one colour; that is all the difference.
     assert!(psnr > 42.0, "{psnr} dB");
     let larger = DatasetOptions { max_size: Some(5000), ..DatasetOptions::default() };
-    assert_eq!(Dataset::load(Path::new(SAMPLE), &larger).unwrap().views[0].camera.size, UVec2::new(160, 120));
+    assert_eq!(
+        Dataset::load(Path::new(SAMPLE), &larger).unwrap().views[0].camera.size,
+        UVec2::new(160, 120)
+    );
 }
 
 #[test]
@@ -315,7 +364,8 @@ fn points_at_infinity_are_named_and_brought_near() {
     let near = load(folder.path());
     let file = folder.path().join("sparse/0/points3D.txt");
     let text = std::fs::read_to_string(&file).unwrap();
-    std::fs::write(&file, text + "900001 3e6 4e5 -2e6 9 9 9 0.3\n900002 -1e9 0 2e8 9 9 9 0.3\n").unwrap();
+    std::fs::write(&file, text + "900001 3e6 4e5 -2e6 9 9 9 0.3\n900002 -1e9 0 2e8 9 9 9 0.3\n")
+        .unwrap();
     let far = load(folder.path());
     assert_eq!(far.points.len(), near.points.len() + 2);
     let beyond: Vec<f32> =
@@ -326,7 +376,8 @@ fn points_at_infinity_are_named_and_brought_near() {
 
 #[test]
 fn a_scene_far_from_the_origin_keeps_its_detail() {
-    let (folder, far) = (tempfile::tempdir().unwrap(), DVec3::new(4.5e6, -2e5, 1.25e6));
+    let folder = tempfile::tempdir().unwrap();
+    let far = DVec3::new(4.5e6, -2e5, 1.25e6);
     copy_sample(folder.path());
     let near = load(folder.path());
     move_model(&folder.path().join("sparse/0"), far);
@@ -341,7 +392,8 @@ fn a_scene_far_from_the_origin_keeps_its_detail() {
         assert!((a.camera.position() + shift).distance(b.camera.position()) < 1e-5);
         assert_eq!(a.camera.rotation, b.camera.rotation);
     }
-    let error = |dataset: &Dataset| dataset.reprojection(&Limits::DEFAULT).unwrap().unwrap().mean_px;
+    let error =
+        |dataset: &Dataset| dataset.reprojection(&Limits::DEFAULT).unwrap().unwrap().mean_px;
     assert!((error(&near) - error(&moved)).abs() < 1e-4);
 }
 
@@ -353,8 +405,16 @@ fn move_model(sparse: &Path, offset: DVec3) {
         let words: Vec<&str> = line.split(' ').collect();
         if words.len() == 10 && words[9].ends_with(".png") {
             let n = |i: usize| words[i].parse::<f64>().unwrap();
-            let t = DVec3::new(n(5), n(6), n(7)) - glam::DQuat::from_xyzw(n(2), n(3), n(4), n(1)) * offset;
-            let moved = format!("{} {} {} {} {}", words[..5].join(" "), t.x, t.y, t.z, words[8..].join(" "));
+            let t = DVec3::new(n(5), n(6), n(7))
+                - glam::DQuat::from_xyzw(n(2), n(3), n(4), n(1)) * offset;
+            let moved = format!(
+                "{} {} {} {} {}",
+                words[..5].join(" "),
+                t.x,
+                t.y,
+                t.z,
+                words[8..].join(" ")
+            );
             images += &moved;
         } else {
             images += line;

@@ -98,16 +98,28 @@ fn a_pose_far_outside_is_left_out_and_a_far_photo_is_not() {
         assert_eq!(dataset.views.len(), left, "{:?}", dataset.warnings);
         assert_eq!(dataset.origin, DVec3::ZERO);
         if left < 40 {
-            assert!(dataset.warnings[0].contains("far outside (`view_0003.png`"), "{:?}", dataset.warnings);
+            assert!(
+                dataset.warnings[0].contains("far outside (`view_0003.png`"),
+                "{:?}",
+                dataset.warnings
+            );
         }
     }
 }
 
 #[test]
 fn good_captures_keep_all_their_photos() {
-    for name in
-        ["banana", "bonsai", "bonsai24", "brighton_beach", "dtu_scan24", "fox", "fox480", "mug", "plush"]
-    {
+    for name in [
+        "banana",
+        "bonsai",
+        "bonsai24",
+        "brighton_beach",
+        "dtu_scan24",
+        "fox",
+        "fox480",
+        "mug",
+        "plush",
+    ] {
         let Some(path) = real(name) else { continue };
         if !path.join("sparse").is_dir() {
             continue;

@@ -15,12 +15,14 @@ use trisplat_train::{RunOptions, TrainOptions, TrainRun, checkpoint};
 /// A refusal names its file and is one line of a readable length.
 fn check_refusal(error: &Error, folder: &Path) {
     let message = error.to_string();
-    let named = message.contains(&*folder.to_string_lossy()) || matches!(error, Error::Invalid { .. });
+    let named =
+        message.contains(&*folder.to_string_lossy()) || matches!(error, Error::Invalid { .. });
     assert!(named && message.len() < 1500, "{message}");
 }
 
 fn small_set(folder: &Path) {
-    let options = SyntheticOptions { views: 3, width: 16, points: 9, seed: 1, ..SyntheticOptions::default() };
+    let options =
+        SyntheticOptions { views: 3, width: 16, points: 9, seed: 1, ..SyntheticOptions::default() };
     trisplat_synthetic::write(folder, &options).expect("a data set");
 }
 
@@ -91,8 +93,11 @@ fn mutants_of_a_colmap_binary_model_are_survived() {
         &1u64.to_le_bytes(),
         &[1, 0, 0, 0, 0, 0, 0, 0],
     ];
-    let files =
-        [("cameras.bin", camera.concat()), ("images.bin", image.concat()), ("points3D.bin", point.concat())];
+    let files = [
+        ("cameras.bin", camera.concat()),
+        ("images.bin", image.concat()),
+        ("points3D.bin", point.concat()),
+    ];
     files.iter().for_each(|(name, bytes)| std::fs::write(sparse.join(name), bytes).unwrap());
     Dataset::load(folder.path(), &DatasetOptions::default()).expect("the seed is valid");
     for (name, _) in files {
@@ -131,12 +136,17 @@ fn mutants_of_lists_of_other_programs_are_survived() {
         <rotation>1 0 0 0 1 0 0 0 1</rotation><translation>1 2 3</translation><scale>2</scale></transform></chunk></document>";
     let realityscan = "#name,x,y,alt,yaw,pitch,roll,f_35mm,px,py,k1,k2,k3,k4,t1,t2\na.png,1,2,3,10,80,5,40,0.01,0,0.1,0,0,0,0,0\n";
     let mut npy =
-        b"\x93NUMPY\x01\0\x40\0{'descr': '<f8', 'fortran_order': False, 'shape': (1, 17), }   \n".to_vec();
-    let row = [0.0, 1.0, 0.0, 0.0, 12.0, 1.0, 0.0, 0.0, 0.0, 16.0, 0.0, 0.0, -1.0, 4.0, 20.0, 0.5, 9.0f64];
+        b"\x93NUMPY\x01\0\x40\0{'descr': '<f8', 'fortran_order': False, 'shape': (1, 17), }   \n"
+            .to_vec();
+    let row = [
+        0.0, 1.0, 0.0, 0.0, 12.0, 1.0, 0.0, 0.0, 0.0, 16.0, 0.0, 0.0, -1.0, 4.0, 20.0, 0.5, 9.0f64,
+    ];
     npy.extend(row.iter().flat_map(|number| number.to_le_bytes()));
-    for (name, bytes) in
-        [("cameras.xml", metashape.into()), ("poses.csv", realityscan.into()), ("poses_bounds.npy", npy)]
-    {
+    for (name, bytes) in [
+        ("cameras.xml", metashape.into()),
+        ("poses.csv", realityscan.into()),
+        ("poses_bounds.npy", npy),
+    ] {
         let bytes: Vec<u8> = bytes;
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("images")).unwrap();
@@ -158,8 +168,11 @@ fn picture(width: u32, height: u32) -> RgbImage {
 fn mutants_of_photos_and_masks_are_survived() {
     let folder = tempfile::tempdir().unwrap();
     let path: PathBuf = folder.path().join("photo.any");
-    let (plain, mut jpeg, mut webp) = (picture(32, 24), Vec::new(), Vec::new());
-    let (bytes, rgb8) = (plain.rgb.as_flattened(), image::ExtendedColorType::Rgb8);
+    let plain = picture(32, 24);
+    let mut jpeg = Vec::new();
+    let mut webp = Vec::new();
+    let bytes = plain.rgb.as_flattened();
+    let rgb8 = image::ExtendedColorType::Rgb8;
     image::codecs::jpeg::JpegEncoder::new(&mut jpeg).encode(bytes, 32, 24, rgb8).unwrap();
     image::codecs::webp::WebPEncoder::new_lossless(&mut webp).encode(bytes, 32, 24, rgb8).unwrap();
     let masked = RgbImage { alpha: Some((0..32 * 24).map(|i| i as u8).collect()), ..plain.clone() };
@@ -179,7 +192,11 @@ fn mutants_of_photos_and_masks_are_survived() {
             let size = RgbImage::size_of(&path, &Limits::DEFAULT);
             match (&size, &RgbImage::load(&path)) {
                 (Ok(size), Ok(pixels)) => {
-                    assert_eq!((pixels.size, pixels.rgb.len() as u32), (*size, size.x * size.y), "{name}");
+                    assert_eq!(
+                        (pixels.size, pixels.rgb.len() as u32),
+                        (*size, size.x * size.y),
+                        "{name}"
+                    );
                 }
                 (Err(error), _) | (_, Err(error)) => check_refusal(error, folder.path()),
             }
@@ -197,7 +214,8 @@ fn mutants_of_checkpoints_are_survived() {
     let dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
     let options = TrainOptions { steps: 4, max_triangles: 20, ..TrainOptions::default() };
     let path = folder.path().join("scene.checkpoint");
-    let outputs = RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 2, ..RunOptions::default() };
+    let outputs =
+        RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 2, ..RunOptions::default() };
     TrainRun { outputs, ..TrainRun::new(&dataset, &options) }.run(&mut |_| Continue(())).unwrap();
     mutate_file(&path, 500, || match checkpoint::read(&path) {
         Ok(point) => {

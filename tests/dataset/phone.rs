@@ -7,8 +7,13 @@ use trisplat_synthetic::{PhoneTruth, SyntheticOptions, TRUTH_FILE};
 #[test]
 fn a_phone_does_to_photos_what_its_file_says() {
     let folder = tempfile::tempdir().unwrap();
-    let options =
-        SyntheticOptions { views: 4, width: 64, points: 200, phone: true, ..SyntheticOptions::default() };
+    let options = SyntheticOptions {
+        views: 4,
+        width: 64,
+        points: 200,
+        phone: true,
+        ..SyntheticOptions::default()
+    };
     trisplat_synthetic::write(folder.path(), &options).unwrap();
     let text = std::fs::read_to_string(folder.path().join(TRUTH_FILE)).unwrap();
     let truth: PhoneTruth = serde_json::from_str(&text).unwrap();
@@ -29,7 +34,8 @@ fn a_phone_does_to_photos_what_its_file_says() {
         };
         off.push(place(&exact).distance(place(&view.camera)));
         // Light, away from edges: in the middle and in a corner.
-        let (scene, taken) = (trisplat_synthetic::render(&exact), view.photo.decode().unwrap());
+        let scene = trisplat_synthetic::render(&exact);
+        let taken = view.photo.decode().unwrap();
         let middle = taken.size.as_vec2() / 2.0;
         for c in 0..3 {
             let ratios = (0..taken.rgb.len()).filter_map(|p| {
@@ -37,7 +43,9 @@ fn a_phone_does_to_photos_what_its_file_says() {
                 let r2 = at.distance_squared(middle) / middle.length_squared();
                 let light = linear_from_srgb(f32::from(taken.rgb[p][c]) / 255.0);
                 let kept = (20..245).contains(&taken.rgb[p][c]);
-                kept.then(|| (light / linear_from_srgb(scene.pixels[p][c])).ln() + truth.falloff as f32 * r2)
+                kept.then(|| {
+                    (light / linear_from_srgb(scene.pixels[p][c])).ln() + truth.falloff as f32 * r2
+                })
             });
             let found = median(ratios.collect(), f32::total_cmp).unwrap();
             let wanted = photo.gains[c] as f32;

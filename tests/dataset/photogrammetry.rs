@@ -32,19 +32,22 @@ fn assert_views(dataset: &Dataset, kind: DatasetKind, views: &[View]) {
 
 /// `poses_bounds.npy` of these views, photos `by` times as large.
 fn llff(views: &[View], by: f32) -> Vec<u8> {
-    let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, 17), }}", views.len());
+    let mut header =
+        format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, 17), }}", views.len());
     while !(11 + header.len()).is_multiple_of(64) {
         header.push(' ');
     }
     header.push('\n');
     let mut bytes =
-        [b"\x93NUMPY\x01\0".as_slice(), &(header.len() as u16).to_le_bytes(), header.as_bytes()].concat();
+        [b"\x93NUMPY\x01\0".as_slice(), &(header.len() as u16).to_le_bytes(), header.as_bytes()]
+            .concat();
     for view in views {
         let m = to_world(&view.camera);
         let size = view.camera.size.as_vec2() * by;
         let hwf = [size.y, size.x, view.camera.focal.x * by];
         for (row, last) in hwf.into_iter().enumerate() {
-            let axes = [m.y_axis[row], m.x_axis[row], -m.z_axis[row], m.w_axis[row], f64::from(last)];
+            let axes =
+                [m.y_axis[row], m.x_axis[row], -m.z_axis[row], m.w_axis[row], f64::from(last)];
             bytes.extend(axes.iter().flat_map(|x| x.to_le_bytes()));
         }
         bytes.extend([0.5f64, 9.0].iter().flat_map(|x| x.to_le_bytes()));
@@ -77,7 +80,9 @@ fn llff_with_shrunk_photos_and_masks() {
     mask.save_png(folder.path().join("masks/view_0001.png")).unwrap();
     let small = load(folder.path());
     assert_views(&small, DatasetKind::Llff, &views);
-    assert!(small.views[1].photo.mask.is_some() && small.warnings.iter().any(|w| w.contains("scaled")));
+    assert!(
+        small.views[1].photo.mask.is_some() && small.warnings.iter().any(|w| w.contains("scaled"))
+    );
     let bytes = llff(&views, 4.0);
     for (bad, part) in [
         (bytes[..bytes.len() - 8].to_vec(), "101 numbers follow"),
@@ -101,15 +106,20 @@ fn poses_without_photos_take_no_memory() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("poses_bounds.npy");
     let count = (200u64 << 30) / (17 * 8);
-    let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({count}, 17), }}");
+    let mut header =
+        format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({count}, 17), }}");
     header += &" ".repeat(117 - header.len());
     header.push('\n');
-    let head = [b"\x93NUMPY\x01\0", &(header.len() as u16).to_le_bytes()[..], header.as_bytes()].concat();
+    let head =
+        [b"\x93NUMPY\x01\0", &(header.len() as u16).to_le_bytes()[..], header.as_bytes()].concat();
     std::fs::write(&path, &head).unwrap();
     let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
     file.set_len(head.len() as u64 + 8 * 17 * count).unwrap();
     let error = error_of(folder.path());
-    assert!(error.contains(&format!("has {count} poses, and there are photos: 0 in images")), "{error}");
+    assert!(
+        error.contains(&format!("has {count} poses, and there are photos: 0 in images")),
+        "{error}"
+    );
 }
 
 #[test]
@@ -117,7 +127,8 @@ fn elements_in_elements_are_refused_before_the_stack_ends() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cameras.xml");
     for element in ["group", "unknown"] {
-        let (open, close) = (format!("<{element}>\n"), format!("</{element}>"));
+        let open = format!("<{element}>\n");
+        let close = format!("</{element}>");
         let text = |depth: usize| {
             let inside = open.repeat(depth) + &close.repeat(depth);
             format!("<document><chunk><cameras>{inside}</cameras></chunk></document>")
@@ -155,10 +166,16 @@ fn metashape(views: &[View], kind: &str, calibration: &str) -> String {
             "<camera id=\"{label}\" sensor_id=\"0\" label=\"{label}\"><transform>{rows}</transform></camera>"
         ));
     }
-    write!(xml, "{}<group id=\"0\" label=\"g\">{}</group>", cameras[0], cameras[1..3].concat()).unwrap();
-    write!(xml, "{}<camera id=\"8\" sensor_id=\"0\" label=\"lost\"/></cameras>", cameras[3..].concat())
+    write!(xml, "{}<group id=\"0\" label=\"g\">{}</group>", cameras[0], cameras[1..3].concat())
         .unwrap();
-    let (rotation, moved) = (words(&turn.transpose().to_cols_array()), words(&[3.0, -2.0, 0.5]));
+    write!(
+        xml,
+        "{}<camera id=\"8\" sensor_id=\"0\" label=\"lost\"/></cameras>",
+        cameras[3..].concat()
+    )
+    .unwrap();
+    let rotation = words(&turn.transpose().to_cols_array());
+    let moved = words(&[3.0, -2.0, 0.5]);
     writeln!(
         xml,
         "<transform><rotation locked=\"false\">{rotation}</rotation><translation locked=\"false\">{moved}</translation>\
@@ -172,8 +189,11 @@ fn metashape(views: &[View], kind: &str, calibration: &str) -> String {
 fn metashape_with_groups_a_placed_chunk_and_every_coefficient() {
     let (folder, views) = six_photos("images");
     let file = folder.path().join("cameras.xml");
-    std::fs::write(&file, metashape(&views, "frame", "<f>167.2</f><cx>1.92</cx><cy>-1.08</cy><b1>0.8</b1>"))
-        .unwrap();
+    std::fs::write(
+        &file,
+        metashape(&views, "frame", "<f>167.2</f><cx>1.92</cx><cy>-1.08</cy><b1>0.8</b1>"),
+    )
+    .unwrap();
     for path in [folder.path(), &file] {
         let dataset = load(path);
         assert_views(&dataset, DatasetKind::Metashape, &views);
@@ -185,7 +205,10 @@ fn metashape_with_groups_a_placed_chunk_and_every_coefficient() {
     }
     let bent = "<f>167.2</f><k1>-0.1</k1><k3>0.01</k3><p1>0.001</p1><p2>0.002</p2><b1>0.8</b1><b2>0.5</b2>";
     std::fs::write(&file, metashape(&views, "frame", bent)).unwrap();
-    assert!(load(folder.path()).views.iter().all(|v| v.camera.size != UVec2::new(160, 120)), "undistorted");
+    assert!(
+        load(folder.path()).views.iter().all(|v| v.camera.size != UVec2::new(160, 120)),
+        "undistorted"
+    );
     std::fs::write(&file, metashape(&views, "fisheye", "<f>60</f>")).unwrap();
     assert_eq!(load(folder.path()).views.len(), 30);
     for (kind, calibration, part) in [
@@ -245,11 +268,15 @@ fn realityscan(views: &[View], head: &str) -> String {
     for view in views {
         // Right, up, backwards: Rz(-heading) Rx(pitch) Ry(roll).
         let m = to_world(&view.camera);
-        let (right, up, back) = (m.x_axis, -m.y_axis, -m.z_axis);
-        let (heading, pitch) = (up.x.atan2(up.y), up.z.asin());
+        let right = m.x_axis;
+        let up = -m.y_axis;
+        let back = -m.z_axis;
+        let heading = up.x.atan2(up.y);
+        let pitch = up.z.asin();
         let roll = (-right.z).atan2(back.z);
         let [heading, pitch, roll] = [heading, pitch, roll].map(f64::to_degrees);
-        let (at, camera) = (view.camera.position(), &view.camera);
+        let at = view.camera.position();
+        let camera = &view.camera;
         let [f, px, py] = [
             camera.focal.x * 36.0 / 160.0,
             (camera.center.x - 80.0) / 160.0,
@@ -283,7 +310,8 @@ fn realityscan_with_the_columns_of_today_and_before() {
     let on_earth = |(i, view): (usize, &View)| {
         format!("{},-34.82{i},7.16{i},{},0,0,0,26,0,0,0,0,0,0,0,0\n", view.name, 80 + i)
     };
-    let on_earth = format!("{head}\n{}", views.iter().enumerate().map(on_earth).collect::<String>());
+    let on_earth =
+        format!("{head}\n{}", views.iter().enumerate().map(on_earth).collect::<String>());
     for (text, part) in [
         (whole.replacen("pitch", "tilt", 1), "Internal/External"),
         (whole.replacen("view_0001.png,", "view_0001.png,x", 1), "line 3: x of `view_0001.png`"),
@@ -307,7 +335,10 @@ fn colmap_text_of_realityscan() {
     let at = |name: &str| folder.path().join("sparse/0").join(name);
     let rows = |name: &str| {
         let text = std::fs::read_to_string(at(name)).unwrap();
-        text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect::<Vec<String>>()
+        text.lines()
+            .filter(|line| !line.starts_with('#'))
+            .map(str::to_owned)
+            .collect::<Vec<String>>()
     };
     let lens = rows("cameras.txt")[0].split_once(' ').unwrap().1.to_owned();
     let poses: Vec<String> = rows("images.txt").into_iter().step_by(2).collect();

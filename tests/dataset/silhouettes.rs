@@ -18,10 +18,13 @@ fn masked(folder: &Path, keeps: impl Fn(usize, &View, Vec2) -> bool) {
     copy_sample(folder);
     let masks = folder.join("masks");
     std::fs::create_dir(&masks).unwrap();
-    for (i, view) in Dataset::load(SAMPLE, &DatasetOptions::default()).unwrap().views.iter().enumerate() {
+    for (i, view) in
+        Dataset::load(SAMPLE, &DatasetOptions::default()).unwrap().views.iter().enumerate()
+    {
         let size = view.camera.size;
         let at = |p: u32| UVec2::new(p % size.x, p / size.x).as_vec2();
-        let rgb = (0..size.element_product()).map(|p| [if keeps(i, view, at(p)) { 255 } else { 0 }; 3]);
+        let rgb =
+            (0..size.element_product()).map(|p| [if keeps(i, view, at(p)) { 255 } else { 0 }; 3]);
         let mask = RgbImage { size, rgb: rgb.collect(), alpha: None };
         mask.save_png(masks.join(Path::new(&view.name).with_extension("png"))).unwrap();
     }
@@ -78,7 +81,8 @@ fn masks_of_people_of_a_lens_and_of_some_photos_only_do_not_count() {
     let inside = ball();
     masked(folder.path(), |_, view, px| inside(view, px));
     let first = Dataset::load(SAMPLE, &DatasetOptions::default()).unwrap().views[0].name.clone();
-    std::fs::remove_file(folder.path().join("masks").join(Path::new(&first).with_extension("png"))).unwrap();
+    std::fs::remove_file(folder.path().join("masks").join(Path::new(&first).with_extension("png")))
+        .unwrap();
     assert_eq!(on_its_own(folder.path()), Masks::Ignore);
 }
 

@@ -4,8 +4,10 @@ use super::*;
 
 /// Camera to world, OpenGL axes, as JSON rows.
 pub(super) fn matrix(camera: &Camera) -> String {
-    let (r, c) = (camera.rotation.as_dmat3().transpose(), camera.position().as_dvec3());
-    let row = |i: usize| format!("[{:?},{:?},{:?},{:?}]", r.x_axis[i], -r.y_axis[i], -r.z_axis[i], c[i]);
+    let r = camera.rotation.as_dmat3().transpose();
+    let c = camera.position().as_dvec3();
+    let row =
+        |i: usize| format!("[{:?},{:?},{:?},{:?}]", r.x_axis[i], -r.y_axis[i], -r.z_axis[i], c[i]);
     format!("[{},{},{},[0,0,0,1]]", row(0), row(1), row(2))
 }
 
@@ -26,7 +28,9 @@ pub(super) fn frames(
     extra: impl Fn(&View) -> String,
 ) -> String {
     let row = |view: &View| {
-        let (path, matrix, extra) = (path(view), matrix(&view.camera), extra(view));
+        let path = path(view);
+        let matrix = matrix(&view.camera);
+        let extra = extra(view);
         format!("{{\"file_path\": \"{path}\", {extra} \"transform_matrix\": {matrix}}}")
     };
     views.iter().map(row).collect::<Vec<_>>().join(",\n")
@@ -60,7 +64,10 @@ fn nerfstudio_with_shared_intrinsics_and_points() {
                property uint8 red\nproperty uint8 green\nproperty uint8 blue\nend_header\n1 2 3 10 20 30\n";
     std::fs::write(folder.path().join("sparse_pc.ply"), ply).unwrap();
     let dataset = assert_cameras(folder.path(), &views, &DatasetOptions::default());
-    assert_eq!(dataset.views[0].name, "view_0000.png", "the folder of photos is no part of the name");
+    assert_eq!(
+        dataset.views[0].name, "view_0000.png",
+        "the folder of photos is no part of the name"
+    );
     assert_eq!(dataset.points.len(), 1);
     assert_eq!(
         (dataset.points[0].position.to_array(), dataset.points[0].rgb),
@@ -69,14 +76,18 @@ fn nerfstudio_with_shared_intrinsics_and_points() {
     assert_eq!(dataset.test().count(), 1, "every 8th of six");
     std::fs::remove_file(folder.path().join("sparse_pc.ply")).unwrap();
     let error = error_of(folder.path());
-    assert!(error.contains("transforms.json: ply_file_path") && error.contains("points found"), "{error}");
+    assert!(
+        error.contains("transforms.json: ply_file_path") && error.contains("points found"),
+        "{error}"
+    );
 }
 
 #[test]
 fn nerfstudio_with_a_camera_for_every_frame() {
     let (folder, views) = six_photos("images");
     let own = |v: &View| {
-        let (f, c) = (v.camera.focal, v.camera.center);
+        let f = v.camera.focal;
+        let c = v.camera.center;
         format!(
             "\"w\": 160, \"h\": 120, \"fl_x\": {}, \"fl_y\": {}, \"cx\": {}, \"cy\": {},",
             f.x, f.y, c.x, c.y
@@ -176,7 +187,8 @@ fn every_cut_of_a_transforms_file_fails_cleanly() {
 fn a_matrix_for_every_frame_and_numbers_that_python_writes() {
     let (folder, views) = six_photos("images");
     let own = |v: &View| {
-        let (f, c) = (v.camera.focal, v.camera.center);
+        let f = v.camera.focal;
+        let c = v.camera.center;
         format!(
             "\"K\": [[{}, 0, {}], [0, {}, {}], [0, 0, 1]], \"w\": 160, \"h\": 120, \"sharp\": NaN,",
             f.x, c.x, f.y, c.y
@@ -213,7 +225,8 @@ fn the_lists_of_nerfstudio_are_the_split() {
     let (folder, views) = six_photos("images");
     let rows = frames(&views, |v| format!("images/{}", v.name), |_| String::new());
     let list = |name: &str, range: std::ops::Range<usize>| {
-        let names: Vec<String> = views[range].iter().map(|v| format!("\"./images/{}\"", v.name)).collect();
+        let names: Vec<String> =
+            views[range].iter().map(|v| format!("\"./images/{}\"", v.name)).collect();
         format!("\"{name}\": [{}],", names.join(", "))
     };
     let write = |lists: &[String]| {
@@ -224,11 +237,20 @@ fn the_lists_of_nerfstudio_are_the_split() {
     let names = |dataset: &Dataset, test: bool| -> Vec<String> {
         dataset.views.iter().filter(|v| v.test == test).map(|v| v.name[8..9].to_owned()).collect()
     };
-    let both =
-        write(&[list("train_filenames", 0..4), list("test_filenames", 4..6), list("val_filenames", 4..6)]);
-    assert_eq!((names(&both, false).concat(), names(&both, true).concat()), ("0123".into(), "45".into()));
+    let both = write(&[
+        list("train_filenames", 0..4),
+        list("test_filenames", 4..6),
+        list("val_filenames", 4..6),
+    ]);
+    assert_eq!(
+        (names(&both, false).concat(), names(&both, true).concat()),
+        ("0123".into(), "45".into())
+    );
     let val = write(&[list("train_filenames", 2..5), list("val_filenames", 0..1)]);
-    assert_eq!((names(&val, false).concat(), names(&val, true).concat()), ("234".into(), "0".into()));
+    assert_eq!(
+        (names(&val, false).concat(), names(&val, true).concat()),
+        ("234".into(), "0".into())
+    );
     assert!(val.warnings[0].contains("2 of 6 photos left out"), "{:?}", val.warnings);
     let test = write(&[list("test_filenames", 1..2)]);
     assert_eq!(names(&test, true), ["1"]);
@@ -245,7 +267,9 @@ fn photos_named_by_another_machine_are_found() {
     std::fs::write(folder.path().join("transforms.json"), json).unwrap();
     let dataset = assert_cameras(folder.path(), &views, &DatasetOptions::default());
     assert_eq!(dataset.views[0].name, "view_0000.png");
-    let [warning] = &dataset.warnings[..dataset.warnings.len() - 1] else { panic!("{:?}", dataset.warnings) };
+    let [warning] = &dataset.warnings[..dataset.warnings.len() - 1] else {
+        panic!("{:?}", dataset.warnings)
+    };
     assert!(
         warning.contains("6 files") && warning.contains(r"`C:\scans\set\view_0000.dng`, found as"),
         "{warning}"

@@ -5,25 +5,46 @@ use trisplat_dataset::Projection;
 use trisplat_synthetic::{render_lens, write_lens};
 
 fn blank(lens: &Lens, _: &Camera) -> RgbImage {
-    RgbImage { size: lens.size, rgb: vec![[90; 3]; lens.size.element_product() as usize], alpha: None }
+    RgbImage {
+        size: lens.size,
+        rgb: vec![[90; 3]; lens.size.element_product() as usize],
+        alpha: None,
+    }
 }
 
 fn fisheye(size: [u32; 2], focal: f64, radial: [f64; 4]) -> Lens {
     let size = UVec2::from(size);
-    let distortion = Distortion { radial, projection: Projection::Fisheye, ..Distortion::default() };
-    Lens { size, focal: DVec2::splat(focal), center: size.as_dvec2() * DVec2::new(0.51, 0.49), distortion }
+    let distortion =
+        Distortion { radial, projection: Projection::Fisheye, ..Distortion::default() };
+    Lens {
+        size,
+        focal: DVec2::splat(focal),
+        center: size.as_dvec2() * DVec2::new(0.51, 0.49),
+        distortion,
+    }
 }
 
 /// Lenses of each kind: the line of cameras.txt, the lens, the names of its views.
 fn lenses() -> Vec<(&'static str, Lens, &'static [&'static str])> {
-    let prism =
-        Lens { focal: DVec2::new(74.0, 73.0), ..fisheye([220, 160], 0.0, [0.02, -0.01, 0.004, -0.001]) };
-    let bent = Distortion { tangential: [0.001, -0.002], prism: [0.003, 0.001], ..prism.distortion };
+    let prism = Lens {
+        focal: DVec2::new(74.0, 73.0),
+        ..fisheye([220, 160], 0.0, [0.02, -0.01, 0.004, -0.001])
+    };
+    let bent =
+        Distortion { tangential: [0.001, -0.002], prism: [0.003, 0.001], ..prism.distortion };
     vec![
         ("SIMPLE_RADIAL_FISHEYE", fisheye([160, 120], 92.0, [0.01, 0.0, 0.0, 0.0]), &[""]),
         ("RADIAL_FISHEYE", fisheye([240, 120], 90.0, [-0.02, 0.003, 0.0, 0.0]), &["left", "right"]),
-        ("OPENCV_FISHEYE", fisheye([120, 240], 90.0, [0.03, -0.01, 0.004, -0.001]), &["down", "up"]),
-        ("THIN_PRISM_FISHEYE", Lens { distortion: bent, ..prism }, &["down", "front", "left", "right", "up"]),
+        (
+            "OPENCV_FISHEYE",
+            fisheye([120, 240], 90.0, [0.03, -0.01, 0.004, -0.001]),
+            &["down", "up"],
+        ),
+        (
+            "THIN_PRISM_FISHEYE",
+            Lens { distortion: bent, ..prism },
+            &["down", "front", "left", "right", "up"],
+        ),
         ("FISHEYE", fisheye([200, 200], 63.0, [0.0; 4]), &["down", "front", "left", "right", "up"]),
         (
             "SPHERICAL",
@@ -42,32 +63,39 @@ fn a_point_lands_where_the_lens_shows_it_and_the_views_cover_the_field() {
         let dataset = load(folder.path());
         assert_eq!(dataset.views.len(), 3 * names.len(), "{model}");
         let photo = trisplat_synthetic::camera(&options, 1);
-        let (rotation, eye) = (photo.rotation.as_dmat3(), photo.position().as_dvec3());
+        let rotation = photo.rotation.as_dmat3();
+        let eye = photo.position().as_dvec3();
         let views: Vec<&View> =
             dataset.views.iter().filter(|view| view.name.starts_with("view_0001")).collect();
         let name = |part: &&str| {
             if part.is_empty() { "view_0001.png".into() } else { format!("view_0001@{part}.png") }
         };
-        assert!(views.iter().map(|v| v.name.clone()).eq(names.iter().map(name)), "{model}: {:?}", names);
-        let (mut shown, mut all) = (0, 0);
+        assert!(
+            views.iter().map(|v| v.name.clone()).eq(names.iter().map(name)),
+            "{model}: {:?}",
+            names
+        );
+        let mut shown = 0;
+        let mut all = 0;
         for i in 0..60 * 60 {
-            let at =
-                DVec2::new(f64::from(i % 60) + 0.5, f64::from(i / 60) + 0.5) / 60.0 * lens.size.as_dvec2();
+            let at = DVec2::new(f64::from(i % 60) + 0.5, f64::from(i / 60) + 0.5) / 60.0
+                * lens.size.as_dvec2();
             // Beyond the circle of a fisheye there is nothing.
-            let Some(ray) = lens
-                .ray(at)
-                .filter(|_| (at - lens.center).length() < 1.6 * lens.focal.x || model == "SPHERICAL")
-            else {
+            let Some(ray) = lens.ray(at).filter(|_| {
+                (at - lens.center).length() < 1.6 * lens.focal.x || model == "SPHERICAL"
+            }) else {
                 continue;
             };
             let point = (eye + rotation.transpose() * ray * 5.0).as_vec3();
             let places: Vec<_> =
                 views.iter().filter_map(|view| Some((view, view.camera.shows(point)?.0))).collect();
-            (all, shown) = (all + 1, shown + usize::from(!places.is_empty()));
+            all = all + 1;
+            shown = shown + usize::from(!places.is_empty());
             for (view, place) in places {
                 let camera = &view.camera;
                 let seen = ((place - camera.center) / camera.focal).as_dvec2().extend(1.0);
-                let back = lens.pixel(rotation * (camera.rotation.as_dmat3().transpose() * seen)).unwrap();
+                let back =
+                    lens.pixel(rotation * (camera.rotation.as_dmat3().transpose() * seen)).unwrap();
                 assert!(back.distance(at) < 0.02, "{model} {}: {back} for {at}", view.name);
             }
         }
@@ -128,9 +156,11 @@ fn the_views_of_a_photo_are_held_out_together() {
 fn the_keys_of_nerfstudio_and_instant_ngp_are_read() {
     let (folder, views) = super::transforms::six_photos("images");
     let write = |keys: &str| {
-        let rows = super::transforms::frames(&views, |v| format!("images/{}", v.name), |_| String::new());
-        let json =
-            format!("{{\"fl_x\": 60, \"fl_y\": 60, \"cx\": 80, \"cy\": 60, {keys} \"frames\": [{rows}]}}");
+        let rows =
+            super::transforms::frames(&views, |v| format!("images/{}", v.name), |_| String::new());
+        let json = format!(
+            "{{\"fl_x\": 60, \"fl_y\": 60, \"cx\": 80, \"cy\": 60, {keys} \"frames\": [{rows}]}}"
+        );
         std::fs::write(folder.path().join("transforms.json"), json).unwrap();
     };
     for (keys, count) in [
@@ -153,7 +183,8 @@ fn the_keys_of_nerfstudio_and_instant_ngp_are_read() {
         assert!(error.contains(part), "`{part}` is missing from: {error}");
     }
     for view in &views {
-        let pano = RgbImage { size: UVec2::new(160, 80), rgb: vec![[90; 3]; 160 * 80], alpha: None };
+        let pano =
+            RgbImage { size: UVec2::new(160, 80), rgb: vec![[90; 3]; 160 * 80], alpha: None };
         pano.save_png(folder.path().join("images").join(&view.name)).unwrap();
     }
     write("\"camera_model\": \"EQUIRECTANGULAR\", \"w\": 160, \"h\": 80,");

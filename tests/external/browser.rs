@@ -11,7 +11,9 @@ use tempfile::TempDir;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{ReadOptions, read};
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
-use trisplat_scene::{Provenance, Scene, camera::Camera, image::RgbImage, math::metric, mesh::Mesh};
+use trisplat_scene::{
+    Provenance, Scene, camera::Camera, image::RgbImage, math::metric, mesh::Mesh,
+};
 
 /// The browser, when it and what drives it are there.
 pub(super) fn chromium() -> Option<PathBuf> {
@@ -26,9 +28,17 @@ pub(super) fn visit(chromium: &Path, pages: &Value) -> Vec<Value> {
     let mut command = Command::new("node");
     command.arg(here("tests/browser.mjs")).arg(here("target/judges")).arg(chromium);
     let done = runs_with(&mut command, pages.to_string().as_bytes());
-    let lines: Vec<Value> =
-        done.stdout.split(|&b| b == b'\n').filter_map(|line| serde_json::from_slice(line).ok()).collect();
-    assert_eq!(lines.len(), pages.as_array().unwrap().len(), "{}", String::from_utf8_lossy(&done.stderr));
+    let lines: Vec<Value> = done
+        .stdout
+        .split(|&b| b == b'\n')
+        .filter_map(|line| serde_json::from_slice(line).ok())
+        .collect();
+    assert_eq!(
+        lines.len(),
+        pages.as_array().unwrap().len(),
+        "{}",
+        String::from_utf8_lossy(&done.stderr)
+    );
     lines
 }
 
@@ -43,7 +53,8 @@ pub(super) fn mesh(path: &Path) -> (Mesh, Provenance) {
 pub(super) fn in_file(camera: &Camera, origin: DVec3, provenance: &Provenance) -> Camera {
     let placement = &provenance.placement;
     let rotation = camera.rotation.as_dmat3();
-    let center = rotation * (DVec3::from(placement.center) - origin) + camera.translation.as_dvec3();
+    let center =
+        rotation * (DVec3::from(placement.center) - origin) + camera.translation.as_dvec3();
     Camera {
         rotation: (rotation * placement.rotation().transpose()).as_mat3(),
         translation: (center * placement.scale).as_vec3(),
@@ -69,7 +80,8 @@ pub(super) fn fragment(camera: &Camera) -> String {
 /// Held-out cameras of the sample data set, at `size`, in the frame of a file.
 fn cameras(provenance: &Provenance, size: UVec2) -> Vec<Camera> {
     let dataset = Dataset::load(here("samples/dataset"), &DatasetOptions::default()).unwrap();
-    let cameras = dataset.test().map(|v| in_file(&v.camera.resized(size), dataset.origin, provenance));
+    let cameras =
+        dataset.test().map(|v| in_file(&v.camera.resized(size), dataset.origin, provenance));
     cameras.take(3).collect()
 }
 
@@ -78,7 +90,11 @@ fn a_page_shows_what_our_renderer_draws() {
     let Some(chromium) = chromium() else { return };
     let folder = TempDir::new().unwrap();
     let page = folder.path().join("scene.html");
-    bake(&studio(), &page, &["--set", "chunk_triangles=3000", "--set", "scale=2", "--set", "center=true"]);
+    bake(
+        &studio(),
+        &page,
+        &["--set", "chunk_triangles=3000", "--set", "scale=2", "--set", "center=true"],
+    );
     let (mesh, provenance) = mesh(&page);
     let size = UVec2::new(480, 360);
     let cameras = cameras(&provenance, size);
@@ -102,8 +118,12 @@ fn a_page_shows_what_our_renderer_draws() {
             assert_eq!(theirs.size, size);
             let psnr = metric::psnr(&ours.rgb, &theirs.rgb, None);
             let far = |(a, b): &(&[u8; 3], &[u8; 3])| (0..3).any(|c| a[c].abs_diff(b[c]) > 2);
-            let off = ours.rgb.iter().zip(&theirs.rgb).filter(far).count() as f64 / ours.rgb.len() as f64;
-            println!("camera {i}, {samples} samples along an axis: {psnr:.2} dB, {:.2}% off", 100.0 * off);
+            let off =
+                ours.rgb.iter().zip(&theirs.rgb).filter(far).count() as f64 / ours.rgb.len() as f64;
+            println!(
+                "camera {i}, {samples} samples along an axis: {psnr:.2} dB, {:.2}% off",
+                100.0 * off
+            );
             if let Some(folder) = std::env::var_os("TRISPLAT_KEEP").map(PathBuf::from) {
                 ours.save_png(folder.join(format!("{samples}-{i}-ours.png"))).unwrap();
                 theirs.save_png(folder.join(format!("{samples}-{i}-page.png"))).unwrap();
@@ -135,7 +155,8 @@ fn away(view: &Value) -> DVec3 {
 fn a_drag_stays_where_photos_looked_and_an_address_goes_anywhere() {
     let Some(chromium) = chromium() else { return };
     let folder = TempDir::new().unwrap();
-    let (scene, page) = (folder.path().join("scene.ply"), folder.path().join("scene.html"));
+    let scene = folder.path().join("scene.ply");
+    let page = folder.path().join("scene.html");
     bake(&studio(), &scene, &[]);
     let bytes = fs::read(&scene).unwrap();
     let end = bytes.windows(10).position(|word| word == b"end_header").unwrap();
@@ -156,7 +177,8 @@ fn a_drag_stays_where_photos_looked_and_an_address_goes_anywhere() {
     let visits = visit(&chromium, &pages);
     let views = visits[0]["views"].as_array().unwrap();
     let angles = |view: &Value| {
-        let (start, now) = (direction(&views[0]), direction(view));
+        let start = direction(&views[0]);
+        let now = direction(view);
         let turn = now.x.atan2(now.z) - start.x.atan2(start.z);
         let turn = (turn + PI).rem_euclid(std::f64::consts::TAU) - PI;
         [turn, now.y.asin()].map(|angle| angle.to_degrees().round())
@@ -176,12 +198,17 @@ pub(super) struct Seen {
 
 /// Compares the pictures that `tests/inputs.mjs` saved as `name`.
 pub(super) fn seen(name: &Path) -> Seen {
-    let picture = |when| RgbImage::load(&PathBuf::from(format!("{}-{when}.png", name.display()))).unwrap();
+    let picture =
+        |when| RgbImage::load(&PathBuf::from(format!("{}-{when}.png", name.display()))).unwrap();
     let [before, after, again] = ["before", "after", "again"].map(picture);
     let share = |a: &RgbImage, b: &RgbImage| {
         let far = |(a, b): &(&[u8; 3], &[u8; 3])| (0..3).any(|c| a[c].abs_diff(b[c]) > 2);
         let same_size = a.size == b.size;
-        if same_size { a.rgb.iter().zip(&b.rgb).filter(far).count() as f64 / a.rgb.len() as f64 } else { 1.0 }
+        if same_size {
+            a.rgb.iter().zip(&b.rgb).filter(far).count() as f64 / a.rgb.len() as f64
+        } else {
+            1.0
+        }
     };
     Seen { changed: share(&before, &after), stale: share(&after, &again) }
 }
@@ -220,7 +247,9 @@ fn mouse_fingers_keys_and_buttons_change_the_picture_at_once() {
     let page = folder.path().join("scene.html");
     bake(&studio(), &page, &[]);
     // Small pictures, as software draws every frame of a glide.
-    let (wide, high, middle) = ([280, 210], [210, 280], [140, 105]);
+    let wide = [280, 210];
+    let high = [210, 280];
+    let middle = [140, 105];
     let inputs = [
         (json!({ "wheel": -100, "notches": 9, "at": middle }), true),
         (json!({ "wheel": 100, "notches": 4, "at": middle }), true),
@@ -254,7 +283,8 @@ fn mouse_fingers_keys_and_buttons_change_the_picture_at_once() {
         (json!({ "tap": [77, 161] }), true),
     ];
     let lost = [(json!({ "lose": true }), false)];
-    let [mouse, fingers, driver] = ["mouse", "fingers", "driver"].map(|name| folder.path().join(name));
+    let [mouse, fingers, driver] =
+        ["mouse", "fingers", "driver"].map(|name| folder.path().join(name));
     for folder in [&mouse, &fingers, &driver] {
         fs::create_dir(folder).unwrap();
     }
@@ -273,15 +303,24 @@ fn mouse_fingers_keys_and_buttons_change_the_picture_at_once() {
     assert_seen(&mouse, &inputs);
     assert_seen(&fingers, &touches);
     assert_seen(&driver, &lost);
-    assert_eq!(visits[0]["help"], json!(false), "the first touch of the picture takes the help away");
-    assert_eq!(visits[1]["keys"], json!(false), "a phone has no keys, and needs the room for the picture");
+    assert_eq!(
+        visits[0]["help"],
+        json!(false),
+        "the first touch of the picture takes the help away"
+    );
+    assert_eq!(
+        visits[1]["keys"],
+        json!(false),
+        "a phone has no keys, and needs the room for the picture"
+    );
     assert_eq!(visits[1]["views"][0], json!("#eye=5,1,2&target=0,0,0&up=0,1,0&fov=40"));
 }
 
 /// An OBJ with a red ball of radius 1, and a blue crumb far from it.
 fn ball_and_crumb() -> String {
     let around = |a: u32, b: u32| {
-        let (down, turn) = (f64::from(a) * PI / 8.0, f64::from(b) * PI / 8.0);
+        let down = f64::from(a) * PI / 8.0;
+        let turn = f64::from(b) * PI / 8.0;
         [down.sin() * turn.cos(), down.cos(), down.sin() * turn.sin()]
     };
     let part = |a, b| [around(a, b), around(a, b + 1), around(a + 1, b + 1), around(a + 1, b)];
@@ -303,7 +342,10 @@ fn assert_framed(picture: &Path, share: f64) {
     assert!(!ball.is_empty(), "the subject is in the picture");
     let low = ball.iter().copied().reduce(UVec2::min).unwrap();
     let high = ball.iter().copied().reduce(UVec2::max).unwrap();
-    assert!(low.min_element() > 2 && (high + 3).cmplt(picture.size).all(), "not whole: {low} to {high}");
+    assert!(
+        low.min_element() > 2 && (high + 3).cmplt(picture.size).all(),
+        "not whole: {low} to {high}"
+    );
     let least = (f64::from(picture.size.min_element()) * share) as u32;
     assert!((high - low).min_element() >= least, "not large: {low} to {high} of {}", picture.size);
 }
@@ -333,7 +375,11 @@ fn f_frames_the_subject_from_the_side_where_one_is_and_the_link_is_the_view() {
         view.as_str().unwrap().split('&').find(|part| part.starts_with(word)).map(str::to_owned)
     };
     for framed in [1, 4] {
-        assert_eq!(word(&views[framed], "target="), word(&views[1], "target="), "F looks at the subject");
+        assert_eq!(
+            word(&views[framed], "target="),
+            word(&views[1], "target="),
+            "F looks at the subject"
+        );
         let turned = direction(&views[framed]).dot(direction(&views[framed - 1]));
         assert!(turned > 0.999, "F looks from where one is: {turned}");
     }
@@ -350,8 +396,7 @@ fn zooming_out_ends_where_all_is_as_high_as_the_picture() {
     let [scene, page] = ["ball.obj", "ball.html"].map(|name| folder.path().join(name));
     fs::write(&scene, ball_and_crumb()).unwrap();
     bake(&scene, &page, &["--up", "y"]);
-    let steps =
-        json!([{ "wheel": 400, "at": [200, 150], "notches": 60 }, { "show": "#eye=0,0,900&target=0,0,0" }]);
+    let steps = json!([{ "wheel": 400, "at": [200, 150], "notches": 60 }, { "show": "#eye=0,0,900&target=0,0,0" }]);
     let visits = visit(
         &chromium,
         &json!([{ "page": page, "fragment": "#ssaa=1", "size": [400, 300], "steps": steps }]),
@@ -369,8 +414,8 @@ fn a_page_that_is_cut_short_says_so() {
     let page = folder.path().join("scene.html");
     bake(&studio(), &page, &[]);
     let whole = fs::read_to_string(&page).unwrap();
-    let (start, end) =
-        (whole.find("gltf-binary;base64\">").unwrap() + 20, whole.rfind("</script><script>").unwrap());
+    let start = whole.find("gltf-binary;base64\">").unwrap() + 20;
+    let end = whole.rfind("</script><script>").unwrap();
     let short = format!("{}{}", &whole[..start + (end - start) / 8 * 4], &whole[end..]);
     fs::write(&page, short).unwrap();
     let visits = visit(&chromium, &json!([{ "page": page, "size": [300, 200] }]));
@@ -422,7 +467,8 @@ fn the_page_is_built_from_its_sources() {
     fs::copy(here("page/build.mjs"), folder.path().join("build.mjs")).unwrap();
     #[cfg(unix)]
     std::os::unix::fs::symlink("../node_modules", folder.path().join("node_modules")).unwrap();
-    let done = super::runs(Command::new("node").arg("build.mjs").arg("dist").current_dir(folder.path()));
+    let done =
+        super::runs(Command::new("node").arg("build.mjs").arg("dist").current_dir(folder.path()));
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     for name in ["page.html", "LICENSES.txt"] {
         let built = fs::read(folder.path().join("dist").join(name)).unwrap();

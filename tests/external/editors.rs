@@ -32,7 +32,8 @@ fn a_scene_that_is_dropped_into_godot_4_is_baked_by_the_add_on() {
     fs::copy(studio(), at("scene.ply")).unwrap();
     let settings = "\n[editor_plugins]\n\nenabled=PackedStringArray(\"res://addons/trisplat/plugin.cfg\")\n\
         \n[trisplat]\n\nprogram=\"res://not-this\"\n";
-    fs::write(at("project.godot"), fs::read_to_string(at("project.godot")).unwrap() + settings).unwrap();
+    fs::write(at("project.godot"), fs::read_to_string(at("project.godot")).unwrap() + settings)
+        .unwrap();
     let more = ["chunk_triangles=3000", "teacher=off"].map(|word| format!("\"{word}\""));
     let params = format!(
         "[remap]\n\nimporter=\"trisplat.scene\"\ntype=\"PackedScene\"\n\n[params]\n\nquality=0\nharden=false\n\
@@ -44,11 +45,17 @@ fn a_scene_that_is_dropped_into_godot_4_is_baked_by_the_add_on() {
     fs::write(at("broken.spz"), "nothing").unwrap();
 
     let path = format!(".::{}", programs.path().display());
-    let imported =
-        runs(Command::new(&godot4).arg(folder.path()).arg("--import").env("PATH", path).current_dir(&folder));
+    let imported = runs(
+        Command::new(&godot4)
+            .arg(folder.path())
+            .arg("--import")
+            .env("PATH", path)
+            .current_dir(&folder),
+    );
     assert!(!at("ran").exists());
-    let said =
-        [imported.stdout, imported.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
+    let said = [imported.stdout, imported.stderr]
+        .map(|said| String::from_utf8_lossy(&said).into_owned())
+        .concat();
     assert!(said.contains("trisplat cannot bake res://broken.spz: error: "), "{said}");
     let done = runs(Command::new(&godot4).arg(folder.path()).args(["--script", "dump.gd"]));
     let dumped = String::from_utf8_lossy(&done.stdout).into_owned();
@@ -67,9 +74,14 @@ pub(super) fn compile_for_unity(out: &Path, sources: &[PathBuf]) {
     let mut compile = Command::new("mcs");
     compile.args(["-define:UNITY_EDITOR", "-warnaserror", "-nowarn:0649", "-r:System.Xml.dll"]);
     compile.args(["-r:System.Runtime.Serialization.dll", &format!("-target:{kind}")]);
-    let done =
-        runs(compile.arg(format!("-out:{}", out.display())).arg(here("tests/unity/editor.cs")).args(sources));
-    let said = [done.stdout, done.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
+    let done = runs(
+        compile
+            .arg(format!("-out:{}", out.display()))
+            .arg(here("tests/unity/editor.cs"))
+            .args(sources),
+    );
+    let said =
+        [done.stdout, done.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
     assert!(done.status.success(), "{said}");
 }
 
@@ -83,13 +95,15 @@ fn a_scene_that_is_dropped_into_unity_is_baked_by_the_importer() {
     let folder = project("tests/godot4", "godot");
     let at = |name: &str| folder.path().join(name);
     let mut sources = vec![here("tests/unity/import.cs")];
-    let scripts = fs::read_dir(here("editors/unity/Editor")).unwrap().map(|file| file.unwrap().path());
+    let scripts =
+        fs::read_dir(here("editors/unity/Editor")).unwrap().map(|file| file.unwrap().path());
     sources.extend(scripts.filter(|path| path.extension().is_some_and(|end| end == "cs")));
     compile_for_unity(&at("import.exe"), &sources);
     let import = |program: &str, scene: &Path, flags: &[&str]| {
         let mut command = Command::new("mono");
-        let done =
-            runs(command.arg(at("import.exe")).arg(program).arg(scene).arg(at("dump.bin")).args(flags));
+        let done = runs(
+            command.arg(at("import.exe")).arg(program).arg(scene).arg(at("dump.bin")).args(flags),
+        );
         assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
         String::from_utf8_lossy(&done.stdout).into_owned()
     };
@@ -98,19 +112,31 @@ fn a_scene_that_is_dropped_into_unity_is_baked_by_the_importer() {
     assert_same_scene(folder.path(), &said);
     // By default what lies behind comes too, drawn from inside only.
     let said = import(program, &here("samples/soups/trained.ply"), &[]);
-    assert!(said.lines().any(|line| line.starts_with("node backdrop ") && line.ends_with("False")), "{said}");
+    assert!(
+        said.lines().any(|line| line.starts_with("node backdrop ") && line.ends_with("False")),
+        "{said}"
+    );
     let lost = import(program, &at("missing.ply"), &[]);
-    assert!(lost.starts_with("error trisplat cannot bake ") && lost.contains("does not exist"), "{lost}");
+    assert!(
+        lost.starts_with("error trisplat cannot bake ") && lost.contains("does not exist"),
+        "{lost}"
+    );
     // What a project sets is an option and its value, whatever it looks like.
     let lost = import(program, &studio(), &["--force"]);
     assert!(lost.starts_with("error ") && lost.contains("--force"), "{lost}");
     for program in ["no-such-program", "./trisplat", "editors/trisplat", ""] {
         let lost = import(program, &studio(), &[]);
-        assert!(lost.starts_with("error ") && lost.contains("Preferences > Trisplat"), "{program}: {lost}");
+        assert!(
+            lost.starts_with("error ") && lost.contains("Preferences > Trisplat"),
+            "{program}: {lost}"
+        );
     }
     let words = ["a b\\", "\\\\host\\", "\"a\"", "", "--report $X `y`", "a\\\"b"];
     let said = runs(
-        Command::new("mono").arg(at("import.exe")).args(["--quoted", "/usr/bin/printf", "%s\\n"]).args(words),
+        Command::new("mono")
+            .arg(at("import.exe"))
+            .args(["--quoted", "/usr/bin/printf", "%s\\n"])
+            .args(words),
     );
     assert_eq!(String::from_utf8_lossy(&said.stdout).lines().collect::<Vec<_>>(), words);
     let lost = import("no-such-program", &studio(), &[]);
@@ -130,7 +156,11 @@ fn every_file_of_the_package_for_unity_has_its_own_guid() {
             }
             let meta = fs::read_to_string(format!("{}.meta", path.display())).unwrap();
             let guid = meta.lines().find_map(|line| line.strip_prefix("guid: ")).unwrap();
-            assert!(guid.len() == 32 && guids.insert(guid.to_owned()), "{}: {guid}", path.display());
+            assert!(
+                guid.len() == 32 && guids.insert(guid.to_owned()),
+                "{}: {guid}",
+                path.display()
+            );
             if path.is_dir() {
                 folders.push(path);
             }
@@ -144,16 +174,19 @@ fn every_file_of_the_package_for_unity_has_its_own_guid() {
 #[test]
 fn the_extension_for_blender_runs_no_program_of_the_current_folder() {
     let source = fs::read_to_string(here("editors/blender/__init__.py")).unwrap();
-    let found = &source[source.find("def found(").unwrap()..source.find("class IMPORT_SCENE").unwrap()];
+    let found =
+        &source[source.find("def found(").unwrap()..source.find("class IMPORT_SCENE").unwrap()];
     let folder = TempDir::new().unwrap();
     let program = folder.path().join("trisplat");
     fs::write(&program, "").unwrap();
     runs(Command::new("chmod").arg("+x").arg(&program));
-    let script =
-        format!("import os\n{found}\nimport sys\nprint(*[found(name) for name in sys.argv[1:]], sep='\\n')");
+    let script = format!(
+        "import os\n{found}\nimport sys\nprint(*[found(name) for name in sys.argv[1:]], sep='\\n')"
+    );
     let said = |path: &str| {
         let mut python = Command::new("/usr/bin/env");
-        let python3 = python.args(["python3", "-c", &script, "trisplat", "./trisplat", ""]).arg(&program);
+        let python3 =
+            python.args(["python3", "-c", &script, "trisplat", "./trisplat", ""]).arg(&program);
         let done = runs(python3.env("PATH", format!("{path}:/usr/bin:/bin")).current_dir(&folder));
         String::from_utf8_lossy(&done.stdout).lines().map(str::to_owned).collect::<Vec<_>>()
     };
@@ -175,8 +208,10 @@ fn the_newest_blender_imports_a_scene_by_the_extension() {
 
 /// Blender installs the extension from its archive, and imports every corner and colour that the program bakes.
 fn imports_by_the_extension(python: &Path, judge: &str) {
-    let there =
-        Command::new(python).args(["-c", "import bpy"]).output().is_ok_and(|done| done.status.success());
+    let there = Command::new(python)
+        .args(["-c", "import bpy"])
+        .output()
+        .is_ok_and(|done| done.status.success());
     if !have(judge, there) {
         return;
     }
@@ -184,14 +219,22 @@ fn imports_by_the_extension(python: &Path, judge: &str) {
     let at = |name: &str| folder.path().join(name);
     let zip = "import shutil, sys; shutil.make_archive(sys.argv[2][:-4], 'zip', sys.argv[1])";
     let extension = at("trisplat.zip");
-    let packed = runs(Command::new(python).args(["-c", zip]).arg(here("editors/blender")).arg(&extension));
+    let packed =
+        runs(Command::new(python).args(["-c", zip]).arg(here("editors/blender")).arg(&extension));
     assert!(packed.status.success(), "{}", String::from_utf8_lossy(&packed.stderr));
     let mut command = Command::new(python);
-    command.arg(here("tests/blender/import.py")).arg(&extension).arg(env!("CARGO_BIN_EXE_trisplat"));
+    command
+        .arg(here("tests/blender/import.py"))
+        .arg(&extension)
+        .arg(env!("CARGO_BIN_EXE_trisplat"));
     command.arg(studio()).arg(at("dump.bin")).env("BLENDER_USER_RESOURCES", folder.path());
     let done = runs(&mut command);
-    let (said, errors) = (String::from_utf8_lossy(&done.stdout), String::from_utf8_lossy(&done.stderr));
-    let line = said.lines().find(|line| line.starts_with('{')).unwrap_or_else(|| panic!("{said}\n{errors}"));
+    let said = String::from_utf8_lossy(&done.stdout);
+    let errors = String::from_utf8_lossy(&done.stderr);
+    let line = said
+        .lines()
+        .find(|line| line.starts_with('{'))
+        .unwrap_or_else(|| panic!("{said}\n{errors}"));
     let said: Value = serde_json::from_str(line).unwrap();
     let failed = said["failed"].as_str().unwrap();
     assert!(failed.contains(".missing") && failed.contains("does not exist"), "{failed}");
@@ -200,7 +243,8 @@ fn imports_by_the_extension(python: &Path, judge: &str) {
     assert_eq!(said["hidden"].as_object().unwrap().len(), 1, "{said}");
 
     let scene = at("scene.glb");
-    let flags = ["--target", "blender", "--collision", "--max-triangles", "2000", "--set", "reshape=auto"];
+    let flags =
+        ["--target", "blender", "--collision", "--max-triangles", "2000", "--set", "reshape=auto"];
     let done = runs(
         Command::new(env!("CARGO_BIN_EXE_trisplat"))
             .arg("bake")
@@ -223,7 +267,10 @@ fn imports_by_the_extension(python: &Path, judge: &str) {
             assert_eq!(got, position.to_array(), "corner of face {face}");
             // Blender rounds colours between two codes in its own way.
             let wants = color.map(|channel| (255.0 * srgb_from_linear(channel)).round() as u8);
-            assert!((0..3).all(|c| wants[c].abs_diff(codes[c]) <= 1), "{wants:?} {codes:?} of face {face}");
+            assert!(
+                (0..3).all(|c| wants[c].abs_diff(codes[c]) <= 1),
+                "{wants:?} {codes:?} of face {face}"
+            );
         }
     }
     assert_eq!(records.len(), 0);

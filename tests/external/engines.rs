@@ -37,7 +37,11 @@ pub(super) fn run_script(godot4: &Path, project: &Path, script: &str) -> String 
 pub(super) fn collision_faces(path: &Path) -> usize {
     let document = gltf::Gltf::open(path).unwrap();
     let node = document.nodes().find(|node| node.name() == Some("collision-colonly")).unwrap();
-    node.mesh().unwrap().primitives().map(|primitive| primitive.indices().unwrap().count() / 3).sum()
+    node.mesh()
+        .unwrap()
+        .primitives()
+        .map(|primitive| primitive.indices().unwrap().count() / 3)
+        .sum()
 }
 
 /// How far a GLB's first viewpoint is from its subject, in units of the scene.
@@ -61,7 +65,11 @@ fn a_walker_begins_at_the_viewpoint_of_the_godot_sample_and_never_falls_through_
     let lines: Vec<Vec<&str>> = said.lines().map(|line| line.split(' ').collect()).collect();
     let of = |kind: &str| lines.iter().filter(|line| line[0] == kind).collect::<Vec<_>>();
     let faces = collision_faces(&folder.path().join("scene.glb")).to_string();
-    assert!(!of("drawn").is_empty() && of("other").iter().all(|line| line[1] == "viewpoint"), "{}", said);
+    assert!(
+        !of("drawn").is_empty() && of("other").iter().all(|line| line[1] == "viewpoint"),
+        "{}",
+        said
+    );
     assert!(of("drawn").iter().all(|line| !line[1].contains("collision")), "it is drawn: {}", said);
     assert_eq!(of("body"), [&vec!["body", "collision", faces.as_str()]], "{}", said);
     assert!(!said.contains("SCRIPT ERROR"), "{}", said);
@@ -71,7 +79,11 @@ fn a_walker_begins_at_the_viewpoint_of_the_godot_sample_and_never_falls_through_
     // Two fifths of the way to the subject, whatever stands around it.
     let height = 0.4 * first_distance(&folder.path().join("scene.glb"));
     assert!((number("walker", 5) / height - 1.0).abs() < 1e-3, "{height}: {}", said);
-    assert!(number("first", 1) < 0.01 && number("first", 2) < 0.01, "it begins elsewhere: {}", said);
+    assert!(
+        number("first", 1) < 0.01 && number("first", 2) < 0.01,
+        "it begins elsewhere: {}",
+        said
+    );
     assert_eq!(of("first")[0][3], "true", "another camera draws: {}", said);
     // Heights; a step goes up to a slope before the body does.
     assert!(number("deepest", 1) < 0.25, "it falls through the floor: {}", said);
@@ -82,7 +94,12 @@ fn a_walker_begins_at_the_viewpoint_of_the_godot_sample_and_never_falls_through_
 /// What the page of the sample says of itself, and pictures of `views`: see `tests/sample.mjs`.
 pub(super) fn open_page_sample(chromium: &Path, sample: &Path, views: Option<&Path>) -> Value {
     let mut command = Command::new("node");
-    command.arg(here("tests/sample.mjs")).arg(here("target/judges")).arg(chromium).arg(sample).args(views);
+    command
+        .arg(here("tests/sample.mjs"))
+        .arg(here("target/judges"))
+        .arg(chromium)
+        .arg(sample)
+        .args(views);
     let done = runs_with(&mut command, b"");
     serde_json::from_slice(&done.stdout)
         .unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&done.stderr)))

@@ -11,7 +11,12 @@ use tempfile::TempDir;
 /// The shares of the picture when a viewer frames a file: "scene", "kept" and "ball" of tests/framing.mjs.
 fn framed(viewer: &str, chromium: &Path, scene: &Path) -> Value {
     let mut command = Command::new("node");
-    command.arg(here("tests/framing.mjs")).arg(here("target/judges")).arg(chromium).arg(viewer).arg(scene);
+    command
+        .arg(here("tests/framing.mjs"))
+        .arg(here("target/judges"))
+        .arg(chromium)
+        .arg(viewer)
+        .arg(scene);
     let done = runs(&mut command);
     let said: Value = serde_json::from_slice(&done.stdout)
         .unwrap_or_else(|_| panic!("{viewer}: {}", String::from_utf8_lossy(&done.stderr)));
@@ -39,9 +44,17 @@ fn three_and_babylon_show_the_scene_when_they_frame_the_file() {
     let folder = TempDir::new().unwrap();
     let scene = folder.path().join("scene.glb");
     let photos = here("samples/dataset").display().to_string();
-    bake(&here("samples/soups/trained.ply"), &scene, &["--dataset", &photos, "--backdrop", "sphere"]);
+    bake(
+        &here("samples/soups/trained.ply"),
+        &scene,
+        &["--dataset", &photos, "--backdrop", "sphere"],
+    );
     let subject = folder.path().join("subject.glb");
-    bake(&here("samples/soups/trained.ply"), &subject, &["--dataset", &photos, "--crop", "subject"]);
+    bake(
+        &here("samples/soups/trained.ply"),
+        &subject,
+        &["--dataset", &photos, "--crop", "subject"],
+    );
     // The crate on its piece of floor fills 20% and 6%, a cube 16% in Babylon.js.
     if have("3d-tiles-renderer", judges.join("three").exists()) {
         assert_seen("three", &chromium, [&scene, &subject], 0.15);

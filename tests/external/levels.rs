@@ -15,10 +15,12 @@ fn levels(folder: &Path, input: &Path, name: &str, target: &str) -> [[u64; 2]; 3
     bake(input, &scene, &flags);
     ["glb", "lod1.glb", "lod2.glb"].map(|ending| {
         let document = gltf::Gltf::open(scene.with_extension(ending)).unwrap();
-        let corners =
-            |p: gltf::Primitive<'_>| p.indices().or(p.get(&gltf::Semantic::Positions)).unwrap().count();
+        let corners = |p: gltf::Primitive<'_>| {
+            p.indices().or(p.get(&gltf::Semantic::Positions)).unwrap().count()
+        };
         [false, true].map(|behind| {
-            let meshes = document.meshes().filter(|mesh| (mesh.name() == Some("backdrop")) == behind);
+            let meshes =
+                document.meshes().filter(|mesh| (mesh.name() == Some("backdrop")) == behind);
             let primitives = meshes.flat_map(|mesh| mesh.primitives().collect::<Vec<_>>());
             primitives.map(corners).sum::<usize>() as u64 / 3
         })
@@ -38,13 +40,21 @@ fn godot_draws_each_level_within_its_range() {
     }
     runs(Command::new(&judges[0]).arg(folder.path()).arg("--import"));
     let mut draw = Command::new(&judges[1]);
-    draw.arg(folder.path()).args(["--rendering-method", "gl_compatibility", "--script", "levels.gd"]);
+    draw.arg(folder.path()).args([
+        "--rendering-method",
+        "gl_compatibility",
+        "--script",
+        "levels.gd",
+    ]);
     let done = runs(&mut draw);
-    let said = [done.stdout, done.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
+    let said =
+        [done.stdout, done.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
     assert!(!said.contains("ERROR"), "{said}");
     let lines = said.lines().filter_map(|line| line.strip_prefix("drawn "));
     let drawn: Vec<(f64, u64)> = lines
-        .map(|line| line.split_once(' ').map(|(at, n)| (at.parse().unwrap(), n.parse().unwrap())).unwrap())
+        .map(|line| {
+            line.split_once(' ').map(|(at, n)| (at.parse().unwrap(), n.parse().unwrap())).unwrap()
+        })
         .collect();
     let [[all, behind], [half, of_half], [tenth, of_tenth]] = triangles;
     assert!(behind > 0 && of_half == behind && of_tenth == behind, "{triangles:?}");
@@ -64,7 +74,8 @@ fn the_script_for_unity_compiles() {
     let folder = TempDir::new().unwrap();
     // A name that is none of a class.
     levels(folder.path(), &studio(), "my-room.glb", "unity");
-    let sources = [folder.path().join("my-room.lod.cs"), here("samples/engines/unity/TrisplatScene.cs")];
+    let sources =
+        [folder.path().join("my-room.lod.cs"), here("samples/engines/unity/TrisplatScene.cs")];
     compile_for_unity(&folder.path().join("checked.dll"), &sources);
 }
 
@@ -77,7 +88,8 @@ fn the_script_for_unreal_makes_one_mesh_of_all_levels() {
     let done = runs(command.arg(&script).env("PYTHONPATH", here("tests/unreal")));
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     let said: Value = serde_json::from_slice(&done.stdout).unwrap();
-    let files = ["my-room.glb", "my-room.lod1.glb", "my-room.lod2.glb"].map(|name| folder.path().join(name));
+    let files = ["my-room.glb", "my-room.lod1.glb", "my-room.lod2.glb"]
+        .map(|name| folder.path().join(name));
     let files = files.map(|path| fs::canonicalize(path).unwrap());
     let imported: Vec<_> =
         said["imported"].as_array().unwrap().iter().map(|path| path.as_str().unwrap()).collect();

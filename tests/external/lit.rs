@@ -10,7 +10,8 @@ fn lit_scenes_are_valid_gltf() {
     if !validator() {
         return;
     }
-    let (folder, trained) = (TempDir::new().unwrap(), here("samples/soups/trained.ply"));
+    let folder = TempDir::new().unwrap();
+    let trained = here("samples/soups/trained.ply");
     let photos = here("samples/dataset").display().to_string();
     let cases: [(&str, &[&str]); 5] = [
         ("plain.glb", &["--lit"]),
@@ -20,7 +21,14 @@ fn lit_scenes_are_valid_gltf() {
         (
             "backdrop.glb",
             &[
-                "--lit", "--target", "unity", "--set", "compress=true", "--backdrop", "sphere", "--dataset",
+                "--lit",
+                "--target",
+                "unity",
+                "--set",
+                "compress=true",
+                "--backdrop",
+                "sphere",
+                "--dataset",
                 &photos,
             ],
         ),

@@ -35,9 +35,11 @@ use tempfile::TempDir;
 use trisplat_formats::{ReadOptions, ply, read};
 use trisplat_scene::{Provenance, Scene, Soup, math::color::srgb_from_linear};
 
-const TARGETS: [&str; 8] = ["gltf", "godot", "godot3", "unity", "unreal", "blender", "web", "playcanvas"];
+const TARGETS: [&str; 8] =
+    ["gltf", "godot", "godot3", "unity", "unreal", "blender", "web", "playcanvas"];
 /// Flags under which the output holds every triangle of a valid source unchanged.
-const EVERYTHING: [&str; 6] = ["--set", "solid=none", "--set", "min_opacity=0", "--set", "max_sigma=0"];
+const EVERYTHING: [&str; 6] =
+    ["--set", "solid=none", "--set", "min_opacity=0", "--set", "max_sigma=0"];
 
 /// A path below the package.
 fn here(path: &str) -> PathBuf {
@@ -111,11 +113,15 @@ fn assert_valid(files: &[(PathBuf, u64)]) {
         .arg(here("target/judges"))
         .args(files.iter().map(|(path, _)| path));
     let done = runs(&mut command);
-    let lines: Vec<Value> =
-        done.stdout.split(|&b| b == b'\n').filter_map(|line| serde_json::from_slice(line).ok()).collect();
+    let lines: Vec<Value> = done
+        .stdout
+        .split(|&b| b == b'\n')
+        .filter_map(|line| serde_json::from_slice(line).ok())
+        .collect();
     assert_eq!(lines.len(), files.len(), "{}", String::from_utf8_lossy(&done.stderr));
     for (found, (path, triangles)) in lines.iter().zip(files) {
-        let clean = ["numErrors", "numWarnings", "numInfos", "numHints"].iter().all(|key| found[key] == 0);
+        let clean =
+            ["numErrors", "numWarnings", "numInfos", "numHints"].iter().all(|key| found[key] == 0);
         assert!(clean, "{}: {found}", path.display());
         assert_eq!(found["triangles"].as_u64(), Some(*triangles), "{}", path.display());
     }
@@ -132,7 +138,9 @@ fn every_target_is_valid_gltf() {
     }
     let folder = TempDir::new().unwrap();
     let mut sources = vec![studio(), here("samples/soups/degenerate.ply")];
-    sources.extend(["guitar_20k.pt", "guitar_tri.off", "guitar_tri.ply"].into_iter().filter_map(shared));
+    sources.extend(
+        ["guitar_20k.pt", "guitar_tri.off", "guitar_tri.ply"].into_iter().filter_map(shared),
+    );
     let mut files = Vec::new();
     for source in &sources {
         let name = source.file_name().unwrap().to_str().unwrap();
@@ -185,7 +193,8 @@ const JUDGES: [&str; 2] = ["trimesh", "open3d"];
 fn python(judge: &str) -> Option<Command> {
     let python = here("target/judges/venv/bin/python");
     let folder = python.with_file_name("../lib").read_dir().ok();
-    let packages = folder.into_iter().flatten().flatten().map(|python| python.path().join("site-packages"));
+    let packages =
+        folder.into_iter().flatten().flatten().map(|python| python.path().join("site-packages"));
     let there = packages.into_iter().any(|packages| packages.join(judge).exists());
     have(judge, there).then(|| {
         let mut command = Command::new(python);
@@ -224,11 +233,14 @@ fn judges_see_every_triangle_of_the_studio() {
     let folder = TempDir::new().unwrap();
     let all = |more: &[&'static str]| [&EVERYTHING[..], more].concat();
     let plain = bakes(folder.path(), &studio(), &["a.glb", "a.gltf", "a.obj", "a.ply"], &all(&[]));
-    let chunks = bakes(folder.path(), &studio(), &["chunks.glb"], &all(&["--set", "chunk_triangles=700"]));
+    let chunks =
+        bakes(folder.path(), &studio(), &["chunks.glb"], &all(&["--set", "chunk_triangles=700"]));
     let godot = bakes(folder.path(), &studio(), &["4.glb"], &all(&["--target", "godot"]));
     let godot3 = bakes(folder.path(), &studio(), &["3.glb"], &all(&["--target", "godot3"]));
-    let welded = bakes(folder.path(), &studio(), &["weld.glb", "weld.ply"], &all(&["--set", "weld=on"]));
-    let faces = bakes(folder.path(), &studio(), &["faces.ply"], &all(&["--set", "ply_face_colors=true"]));
+    let welded =
+        bakes(folder.path(), &studio(), &["weld.glb", "weld.ply"], &all(&["--set", "weld=on"]));
+    let faces =
+        bakes(folder.path(), &studio(), &["faces.ply"], &all(&["--set", "ply_face_colors=true"]));
     let moved = ["--up", "z", "--set", "scale=2.5", "--set", "center=true"];
     let moved = bakes(folder.path(), &studio(), &["m.glb", "m.obj", "m.ply"], &all(&moved));
     for judge in JUDGES {
@@ -246,7 +258,8 @@ fn judges_see_the_solid_studio() {
     for (preset, solid) in [("default", "auto"), ("fast", "contour"), ("default", "area")] {
         let path = folder.path().join(format!("{preset}-{solid}.glb"));
         let triangles =
-            bake(&studio(), &path, &["--preset", preset, "--set", &format!("solid={solid}")]).to_string();
+            bake(&studio(), &path, &["--preset", preset, "--set", &format!("solid={solid}")])
+                .to_string();
         for judge in JUDGES {
             assert_as_source(
                 judge,
@@ -281,7 +294,9 @@ fn damaged() -> Vec<(&'static str, Soup)> {
     let Scene::Soup(whole) = read(&studio(), &ReadOptions::with_degree(0)).unwrap().scene else {
         panic!("the sample is a soup");
     };
-    let (mut color, mut vertex, mut missing) = (whole.clone(), whole.clone(), whole.clone());
+    let mut color = whole.clone();
+    let mut vertex = whole.clone();
+    let mut missing = whole.clone();
     color.sh[4321][1] += if color.rgb(4321)[1] < 0.5 { 0.03 } else { -0.03 }; // 2.2 of 255
     vertex.vertices[1234][2].y += 1e-3;
     missing.retain(|i| i != 7000);
@@ -308,7 +323,10 @@ fn judges_fail_damaged_files() {
         if let Some(mut command) = script(judge) {
             let done = runs(command.arg(studio()).arg(&files[0]));
             assert_eq!(done.status.code(), Some(1), "{judge}");
-            assert!(String::from_utf8_lossy(&done.stderr).contains("colour"), "{judge} says what is wrong");
+            assert!(
+                String::from_utf8_lossy(&done.stderr).contains("colour"),
+                "{judge} says what is wrong"
+            );
         }
     }
 }
@@ -361,14 +379,21 @@ fn project(scripts: &str, target: &str) -> TempDir {
 
 /// Asserts that the dump holds every node, vertex and colour of `scene.glb`; `said` is what the script said.
 fn assert_same_scene(folder: &Path, said: &str) {
-    let Scene::Mesh(mesh) = read(&folder.join("scene.glb"), &ReadOptions::with_degree(0)).unwrap().scene
+    let Scene::Mesh(mesh) =
+        read(&folder.join("scene.glb"), &ReadOptions::with_degree(0)).unwrap().scene
     else {
         panic!("a GLB is a mesh");
     };
-    let nodes: Vec<Vec<&str>> =
-        said.lines().filter(|line| line.starts_with("node ")).map(|line| line.split(' ').collect()).collect();
+    let nodes: Vec<Vec<&str>> = said
+        .lines()
+        .filter(|line| line.starts_with("node "))
+        .map(|line| line.split(' ').collect())
+        .collect();
     assert!(nodes.len() >= 3, "{said}");
-    assert!(nodes.iter().all(|node| node[2] == node[3] && node[4].eq_ignore_ascii_case("true")), "{said}");
+    assert!(
+        nodes.iter().all(|node| node[2] == node[3] && node[4].eq_ignore_ascii_case("true")),
+        "{said}"
+    );
     let body = format!("body collision {}", engines::collision_faces(&folder.join("scene.glb")));
     assert!(said.lines().any(|line| line == body), "{body} is not in {said}");
     let vertices: usize = nodes.iter().map(|node| node[2].parse::<usize>().unwrap()).sum();

@@ -18,27 +18,38 @@ fn trisplat(folder: &Path, words: &[&str]) -> Command {
 #[test]
 fn photos_alone_become_a_file_through_pycolmap() {
     let python = here("target/judges/venv/bin/python");
-    let probe = Command::new(&python).args(["-c", "import pycolmap"]).stderr(Stdio::null()).status();
+    let probe =
+        Command::new(&python).args(["-c", "import pycolmap"]).stderr(Stdio::null()).status();
     if !have("pycolmap", probe.is_ok_and(|status| status.success())) {
         return;
     }
     let folder = TempDir::new().unwrap();
     let sample = here("samples/soups/trained.ply");
-    let mut photos = trisplat(folder.path(), &["render", "--as", "solid", "--orbit", "24", "--width", "400"]);
+    let mut photos =
+        trisplat(folder.path(), &["render", "--as", "solid", "--orbit", "24", "--width", "400"]);
     assert!(photos.arg(&sample).args(["-o", "photos", "-q"]).status().unwrap().success());
     let make = || {
-        let words = ["make", "photos", "-o", "scene.glb", "--steps", "200", "--max-triangles", "2000"];
+        let words =
+            ["make", "photos", "-o", "scene.glb", "--steps", "200", "--max-triangles", "2000"];
         let mut command = trisplat(folder.path(), &words);
         // pycolmap finds another number of points each time, and now and then too few for a training that is not told to go on.
-        command.args(["--max-size", "200", "--anyway"]).env("TRISPLAT_POSES", &python).stderr(Stdio::piped());
+        command
+            .args(["--max-size", "200", "--anyway"])
+            .env("TRISPLAT_POSES", &python)
+            .stderr(Stdio::piped());
         command
     };
     // Killed as pycolmap works: it must not disturb the next run.
     let mut killed = make().stderr(Stdio::null()).spawn().unwrap();
     let log = folder.path().join("scene.make/photos/capture/poses.log");
-    let (began, second) = (Instant::now(), "Processed file [2/24]");
+    let began = Instant::now();
+    let second = "Processed file [2/24]";
     while !std::fs::read_to_string(&log).is_ok_and(|text| text.contains(second)) {
-        assert!(began.elapsed() < PATIENCE && killed.try_wait().unwrap().is_none(), "{}", log.display());
+        assert!(
+            began.elapsed() < PATIENCE && killed.try_wait().unwrap().is_none(),
+            "{}",
+            log.display()
+        );
         std::thread::sleep(Duration::from_millis(20));
     }
     killed.kill().unwrap();
@@ -47,16 +58,19 @@ fn photos_alone_become_a_file_through_pycolmap() {
     let done = runs(make().arg("--report").arg("report.json"));
     let said = String::from_utf8_lossy(&done.stderr);
     assert!(done.status.success(), "{said}");
-    for part in ["photos     not needed: done before", "pycolmap ", "open scene.html in a browser"] {
+    for part in ["photos     not needed: done before", "pycolmap ", "open scene.html in a browser"]
+    {
         assert!(said.contains(part), "{part}: {said}");
     }
     let text = std::fs::read_to_string(folder.path().join("report.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&text).unwrap();
     let stages = report["stages"].as_array().unwrap();
-    let details = |name: &str| &stages.iter().find(|stage| stage["name"] == name).unwrap()["details"];
+    let details =
+        |name: &str| &stages.iter().find(|stage| stage["name"] == name).unwrap()["details"];
     assert!(details("model")["registered"].as_u64().unwrap() >= 20, "{}", details("model"));
     // Features of the killed run would have left photos with a camera of their own.
-    let cameras = std::fs::read(folder.path().join("scene.make/photos/sparse/0/cameras.bin")).unwrap();
+    let cameras =
+        std::fs::read(folder.path().join("scene.make/photos/sparse/0/cameras.bin")).unwrap();
     assert_eq!(cameras[..8], 1u64.to_le_bytes(), "all photos share a camera");
     let psnr = details("train")["psnr"].as_f64().unwrap();
     assert!(psnr > 12.0, "{psnr} dB: the poses are wrong");

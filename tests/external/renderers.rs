@@ -53,7 +53,8 @@ pub(super) fn averaged(fine: &RgbImage, size: UVec2) -> RgbImage {
     assert_eq!(fine.size, size * FINE);
     let linear: Vec<f32> = (0..=255).map(|code| linear_from_srgb(code as f32 / 255.0)).collect();
     let pixel = |at: u32| {
-        let (x, y) = (at % size.x, at / size.x);
+        let x = at % size.x;
+        let y = at / size.x;
         let mut sum = [0.0f32; 3];
         for dy in 0..FINE {
             for dx in 0..FINE {
@@ -73,14 +74,19 @@ fn three(job: &Job) -> Option<Vec<RgbImage>> {
     let page = job.folder.path().join("scene.html");
     bake(&job.file, &page, &AS_IT_IS);
     let size = job.cameras[0].size * FINE;
-    let step =
-        |(i, c): (usize, &Camera)| json!({ "show": fragment(c), "screenshot": job.picture("three", i) });
+    let step = |(i, c): (usize, &Camera)| json!({ "show": fragment(c), "screenshot": job.picture("three", i) });
     let steps: Vec<Value> = job.cameras.iter().enumerate().map(step).collect();
     let background = BACKGROUND.map(|code| format!("{code:02x}")).concat();
     let fragment = format!("#bare&ssaa=1&near={NEAR}&background={background}");
-    let pages = json!([{ "page": page, "fragment": fragment, "size": [size.x, size.y], "steps": steps }]);
+    let pages =
+        json!([{ "page": page, "fragment": fragment, "size": [size.x, size.y], "steps": steps }]);
     let visits = visit(&chromium, &pages);
-    assert_eq!((&visits[0]["errors"], &visits[0]["state"]), (&json!([]), &json!("ready")), "{}", visits[0]);
+    assert_eq!(
+        (&visits[0]["errors"], &visits[0]["state"]),
+        (&json!([]), &json!("ready")),
+        "{}",
+        visits[0]
+    );
     Some(job.coarse("three"))
 }
 
@@ -107,7 +113,8 @@ fn f3d(job: &Job) -> Option<Vec<RgbImage>> {
     };
     let views: Vec<Value> = job.cameras.iter().enumerate().map(view).collect();
     let background = BACKGROUND.map(|code| f32::from(code) / 255.0);
-    let words = json!({ "file": file, "size": [size.x, size.y], "background": background, "views": views });
+    let words =
+        json!({ "file": file, "size": [size.x, size.y], "background": background, "views": views });
     let done = runs_with(command.arg(here("tests/f3d_views.py")), words.to_string().as_bytes());
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     Some(job.coarse("f3d"))
@@ -145,10 +152,14 @@ fn compare(file: &Path, dataset: &Path, keep: Option<&Path>, square: bool) {
     let photos: Vec<RgbImage> = if square {
         truth.clone()
     } else {
-        views.iter().map(|view| RgbImage::load(&view.photo.path).unwrap().over(BACKGROUND)).collect()
+        views
+            .iter()
+            .map(|view| RgbImage::load(&view.photo.path).unwrap().over(BACKGROUND))
+            .collect()
     };
     let mean = |pictures: &[RgbImage], wanted: &[RgbImage]| {
-        let psnr = pictures.iter().zip(wanted).map(|(a, b)| metric::psnr(&a.rgb, &b.rgb, None).min(99.0));
+        let psnr =
+            pictures.iter().zip(wanted).map(|(a, b)| metric::psnr(&a.rgb, &b.rgb, None).min(99.0));
         psnr.sum::<f64>() / pictures.len() as f64
     };
     let head = if square { "" } else { "PSNR against photos, dB" };
@@ -159,7 +170,8 @@ fn compare(file: &Path, dataset: &Path, keep: Option<&Path>, square: bool) {
     let others = [("three.js in Chromium", three(&job), 40.0), ("f3d (VTK)", f3d(&job), 33.0)];
     for (name, pictures, close_db) in others {
         let Some(pictures) = pictures else { continue };
-        let (psnr, to_ours) = (mean(&pictures, &photos), mean(&pictures, &truth));
+        let psnr = mean(&pictures, &photos);
+        let to_ours = mean(&pictures, &truth);
         println!("| {name} | {psnr:.3} | {to_ours:.2} |");
         for (i, picture) in pictures.iter().enumerate().filter(|_| keep.is_some()) {
             let at = |who: &str| keep.unwrap_or(Path::new("")).join(format!("{i:02}-{who}.png"));
@@ -188,7 +200,9 @@ fn outside_renderers_agree_on_the_photos() {
     let (Some(file), Some(dataset)) =
         (std::env::var_os("TRISPLAT_FILE"), std::env::var_os("TRISPLAT_DATASET"))
     else {
-        crate::skip::skipped("no TRISPLAT_FILE and TRISPLAT_DATASET: tests/renderers.sh gives them");
+        crate::skip::skipped(
+            "no TRISPLAT_FILE and TRISPLAT_DATASET: tests/renderers.sh gives them",
+        );
         return;
     };
     let keep = std::env::var_os("TRISPLAT_KEEP").map(PathBuf::from);

@@ -33,7 +33,8 @@ fn surrounded(folder: &Path) -> PathBuf {
         let d = soup.vertices[i].iter().sum::<Vec3>().normalize();
         soup.sh[i] = [0.5 + 0.35 * d.x, 0.5 - 0.35 * d.y, 0.5 + 0.35 * d.z].map(sh0_from_rgb);
     }
-    let (path, mut bytes) = (folder.join("surrounded.ply"), Vec::new());
+    let path = folder.join("surrounded.ply");
+    let mut bytes = Vec::new();
     ply::write_soup(&mut bytes, &soup, &loaded.provenance, &loaded.cameras).unwrap();
     fs::write(&path, bytes).unwrap();
     path
@@ -56,14 +57,16 @@ fn views(scene: &Path) -> Vec<View> {
     let level = (0..5).map(|i| Vec3::new((1.3 * i as f32).cos(), 0.0, (1.3 * i as f32).sin()));
     let focal = Vec2::splat(0.5 * SIZE.y as f32 / (0.5 * FOV.to_radians()).tan());
     let center = 0.5 * SIZE.as_vec2();
-    let lens = Camera { rotation: Mat3::IDENTITY, translation: Vec3::ZERO, focal, center, size: SIZE };
+    let lens =
+        Camera { rotation: Mat3::IDENTITY, translation: Vec3::ZERO, focal, center, size: SIZE };
     let mut rasterizer = SolidRasterizer::new();
     let view = |ahead: Vec3| {
         let target = eye + ahead;
         let camera = lens.looking(eye, target, Vec3::Y);
         let options = SolidRasterOptions { near: 0.001, ..SolidRasterOptions::default() };
         let free = free(&rasterizer.visibility(&mesh, &camera, &options).face);
-        let free = free.into_iter().map(|pixel| (pixel, direction(&camera, pixel))).collect::<Vec<_>>();
+        let free =
+            free.into_iter().map(|pixel| (pixel, direction(&camera, pixel))).collect::<Vec<_>>();
         assert!(free.len() > 2000, "{} free pixels ahead of {ahead}", free.len());
         View { camera, eye, target, free }
     };
@@ -72,9 +75,11 @@ fn views(scene: &Path) -> Vec<View> {
 
 /// Pixels of no face that only such pixels surround: what a renderer does at edges is its own affair.
 fn free(faces: &[u32]) -> Vec<usize> {
-    let (width, height) = (SIZE.x as usize, SIZE.y as usize);
+    let width = SIZE.x as usize;
+    let height = SIZE.y as usize;
     let inner = (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| y * width + x));
-    let around = |at: usize| [at - width, at, at + width].into_iter().flat_map(|at| at - 1..=at + 1);
+    let around =
+        |at: usize| [at - width, at, at + width].into_iter().flat_map(|at| at - 1..=at + 1);
     inner.filter(|at| around(*at).all(|at| faces[at] == NO_FACE)).collect()
 }
 
@@ -93,7 +98,8 @@ fn place_in_panorama(d: Vec3) -> Vec2 {
 /// The codes of a panorama in a direction, between its four nearest pixels; its sides touch.
 fn seen(sky: &RgbImage, d: Vec3) -> Vec3 {
     let at = place_in_panorama(d) * sky.size.as_vec2() - 0.5;
-    let (corner, share) = (at.floor(), at - at.floor());
+    let corner = at.floor();
+    let share = at - at.floor();
     let code = |x: f32, y: f32| {
         let x = (corner.x + x).rem_euclid(sky.size.x as f32) as usize;
         let y = (corner.y + y).clamp(0.0, sky.size.y as f32 - 1.0) as usize;
@@ -144,7 +150,10 @@ fn assert_sky_is_seen(who: &str, views: &[View], pictures: &Path, sky: &Path) {
     for (how, turn) in WRONG {
         let wrong = mean(&off(views, &pictures, &sky, turn));
         println!("{who}: {wrong:.2} codes from a panorama that is {how}");
-        assert!(wrong > mean(&right) + WORSE, "{who}: {wrong:.2} codes from a panorama that is {how}");
+        assert!(
+            wrong > mean(&right) + WORSE,
+            "{who}: {wrong:.2} codes from a panorama that is {how}"
+        );
     }
 }
 
@@ -174,7 +183,12 @@ fn a_page_shows_the_panorama_behind_the_scene() {
     let steps: Vec<Value> = views.iter().enumerate().map(step).collect();
     let page = json!({ "page": at("a.html"), "fragment": "#bare&ssaa=1&near=0.001", "size": SIZE.to_array(), "steps": steps });
     let visits = visit(&chromium, &json!([page]));
-    assert_eq!((&visits[0]["errors"], &visits[0]["state"]), (&json!([]), &json!("ready")), "{}", visits[0]);
+    assert_eq!(
+        (&visits[0]["errors"], &visits[0]["state"]),
+        (&json!([]), &json!("ready")),
+        "{}",
+        visits[0]
+    );
     assert_sky_is_seen("page", &views, folder.path(), &at("a.sky.jpg"));
 }
 
@@ -182,7 +196,11 @@ fn a_page_shows_the_panorama_behind_the_scene() {
 fn the_page_sample_shows_the_panorama_beside_the_scene() {
     let Some(chromium) = page_sample_judges() else { return };
     let source = TempDir::new().unwrap();
-    let folder = sample_of(&surrounded(source.path()), "three", &[&FLAGS[..], &["--target", "web"]].concat());
+    let folder = sample_of(
+        &surrounded(source.path()),
+        "three",
+        &[&FLAGS[..], &["--target", "web"]].concat(),
+    );
     let at = |name: &str| folder.path().join(name);
     let views = views(&at("scene.glb"));
     write_views(&at("views.json"), &views, folder.path());
@@ -232,7 +250,8 @@ fn the_godot_sample_draws_the_panorama_behind_the_scene() {
     let mut draw = Command::new(&judges[1]);
     draw.arg(folder.path()).args(["--rendering-method", "gl_compatibility", "--script", "sky.gd"]);
     let done = runs(draw.args(["--resolution", &format!("{}x{}", SIZE.x, SIZE.y)]));
-    let said = [done.stdout, done.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
+    let said =
+        [done.stdout, done.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
     assert!(!said.contains("ERROR"), "{said}");
     assert_sky_is_seen("Godot", &views, folder.path(), &at("scene.sky.jpg"));
 }
@@ -263,7 +282,8 @@ fn the_component_for_unity_finds_the_panorama_and_turns_it_to_the_scene() {
         String::from_utf8_lossy(&done.stdout).into_owned()
     };
     let said = build("scene.glb");
-    let (picture, lines) = (at("scene.sky.jpg"), said.lines().collect::<Vec<_>>());
+    let picture = at("scene.sky.jpg");
+    let lines = said.lines().collect::<Vec<_>>();
     let [shader, texture, rotation] = lines[..] else { panic!("{said}") };
     assert_eq!(
         (shader, texture),
@@ -271,8 +291,8 @@ fn the_component_for_unity_finds_the_panorama_and_turns_it_to_the_scene() {
     );
     let rotation: f32 = rotation.strip_prefix("_Rotation ").unwrap().parse().unwrap();
     for i in 0..200 {
-        let d =
-            Vec3::new((2.4 * i as f32).cos(), 0.02 * (i as f32 - 99.5), (2.4 * i as f32).sin()).normalize();
+        let d = Vec3::new((2.4 * i as f32).cos(), 0.02 * (i as f32 - 99.5), (2.4 * i as f32).sin())
+            .normalize();
         // As importers of glTF place it, and tests/unity/import.cs expects it.
         let reads = place_in_unity(Vec3::new(-d.x, d.y, d.z), rotation);
         let apart = (reads - place_in_panorama(d)).abs();

@@ -26,7 +26,8 @@ fn three_filters_textures_as_we_do() {
         return;
     }
     let folder = TempDir::new().unwrap();
-    let (scene, views) = (folder.path().join("scene.glb"), folder.path().join("views.json"));
+    let scene = folder.path().join("scene.glb");
+    let views = folder.path().join("views.json");
     let photos = here("samples/dataset").display().to_string();
     bake(
         &here("samples/soups/trained.ply"),
@@ -39,8 +40,10 @@ fn three_filters_textures_as_we_do() {
     };
     assert!(mesh.texture.is_some());
     // From where it is looked at first, from nearer, and from so far away that coarse mip levels are drawn.
-    let (eye, target) = (DVec3::from(first.eye), DVec3::from(first.target));
-    let at = |distance: f64| Viewpoint { eye: (target + (eye - target) * distance).to_array(), ..first };
+    let eye = DVec3::from(first.eye);
+    let target = DVec3::from(first.target);
+    let at =
+        |distance: f64| Viewpoint { eye: (target + (eye - target) * distance).to_array(), ..first };
     let places = [0.5, 1.0, 2.0, 4.0].map(at);
     let out = |i: usize| folder.path().join(format!("{i}.png"));
     let asked = places.iter().enumerate().map(|(i, place)| {
@@ -50,7 +53,10 @@ fn three_filters_textures_as_we_do() {
     std::fs::write(&views, Value::from_iter(asked).to_string()).unwrap();
     let mut command = Command::new("node");
     let done = runs(
-        command.arg(here("tests/textured.mjs")).arg(here("target/judges")).args([&chromium, &scene, &views]),
+        command
+            .arg(here("tests/textured.mjs"))
+            .arg(here("target/judges"))
+            .args([&chromium, &scene, &views]),
     );
     let said: Value = serde_json::from_slice(&done.stdout).expect("the script's answer");
     assert_eq!(said, json!({ "errors": [] }));
@@ -68,7 +74,8 @@ fn textured_files_are_valid_gltf() {
     if !validator() {
         return;
     }
-    let (folder, photos) = (TempDir::new().unwrap(), here("samples/dataset").display().to_string());
+    let folder = TempDir::new().unwrap();
+    let photos = here("samples/dataset").display().to_string();
     let files: Vec<_> = [
         ("plain.glb", &[] as &[&str]),
         ("exact.glb", &["--set", "texture_format=png"]),
@@ -77,8 +84,11 @@ fn textured_files_are_valid_gltf() {
     ]
     .map(|(name, flags)| {
         let file = folder.path().join(name);
-        let triangles =
-            bake(&here("samples/soups/trained.ply"), &file, &[&textured(&photos)[..], flags].concat());
+        let triangles = bake(
+            &here("samples/soups/trained.ply"),
+            &file,
+            &[&textured(&photos)[..], flags].concat(),
+        );
         (file, triangles)
     })
     .into();

@@ -39,7 +39,8 @@ fn streams(flags: &[&str]) {
     let flags = [&["--set", "tile_triangles=1000"], flags].concat();
     let triangles = bake(&studio(), &tileset, &flags);
     let set: Value = serde_json::from_slice(&fs::read(&tileset).unwrap()).unwrap();
-    let volume: Vec<f64> = serde_json::from_value(set["root"]["boundingVolume"]["box"].clone()).unwrap();
+    let volume: Vec<f64> =
+        serde_json::from_value(set["root"]["boundingVolume"]["box"].clone()).unwrap();
     let size = 2.0 * volume[3].max(volume[7]).max(volume[11]);
     let eye = |distance: f64| [volume[0], volume[1] - size * distance, volume[2] + 0.3 * size];
     let distances = [0.7, 1.5, 3.0, 6.0, 12.0, 40.0];
@@ -51,5 +52,8 @@ fn streams(flags: &[&str]) {
     let root = seen.last().unwrap();
     assert!(root["tiles"] == 1 && root["triangles"].as_u64().unwrap() <= 1000, "{root}");
     // Every level is drawn from somewhere.
-    assert!(drawn.iter().any(|some| (1000..triangles / 2).contains(some)), "{drawn:?} of {triangles}");
+    assert!(
+        drawn.iter().any(|some| (1000..triangles / 2).contains(some)),
+        "{drawn:?} of {triangles}"
+    );
 }

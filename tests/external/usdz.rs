@@ -11,14 +11,20 @@ use trisplat_scene::{Scene, mesh::Colors};
 /// What the library says of a file.
 fn judged(path: &Path) -> Option<Value> {
     let done = runs(python("pxr")?.arg(here("tests/usd.py")).arg(path));
-    let (said, errors) = (String::from_utf8_lossy(&done.stdout), String::from_utf8_lossy(&done.stderr));
+    let said = String::from_utf8_lossy(&done.stdout);
+    let errors = String::from_utf8_lossy(&done.stderr);
     assert!(done.status.success(), "{errors}");
     Some(serde_json::from_str(&said).unwrap())
 }
 
 fn vectors(values: &Value) -> Vec<Vec3> {
     let number = |value: &Value| value.as_f64().unwrap() as f32;
-    values.as_array().unwrap().iter().map(|v| Vec3::from_array([0, 1, 2].map(|i| number(&v[i])))).collect()
+    values
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|v| Vec3::from_array([0, 1, 2].map(|i| number(&v[i]))))
+        .collect()
 }
 
 /// The triangles and colours are those of a GLB, and no validator has anything to say.
@@ -34,10 +40,16 @@ fn a_usdz_holds_what_a_glb_holds_and_is_valid() {
     assert_eq!((judged["up"].as_str(), judged["metres"].as_f64()), (Some("Y"), Some(1.0)));
     assert_eq!(judged["surface"], "UsdPreviewSurface");
     assert_eq!(judged["triangles"].as_u64(), Some(triangles));
-    let Scene::Mesh(mesh) = read(&glb, &ReadOptions::default()).unwrap().scene else { panic!("a mesh") };
+    let Scene::Mesh(mesh) = read(&glb, &ReadOptions::default()).unwrap().scene else {
+        panic!("a mesh")
+    };
     let points = vectors(&judged["points"]);
-    let indices: Vec<usize> =
-        judged["indices"].as_array().unwrap().iter().map(|i| i.as_u64().unwrap() as usize).collect();
+    let indices: Vec<usize> = judged["indices"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|i| i.as_u64().unwrap() as usize)
+        .collect();
     let ours = (0..mesh.face_count()).flat_map(|face| mesh.corners(face));
     assert!(indices.iter().map(|i| points[*i]).eq(ours), "positions");
     let colors = vectors(&judged["colors"]["values"]);
@@ -50,8 +62,11 @@ fn a_usdz_holds_what_a_glb_holds_and_is_valid() {
         _ => colors[indices[3 * face]],
     };
     for face in 0..mesh.face_count() {
-        let ours =
-            Vec3::from_array(if of == "uniform" { ours[face] } else { ours[mesh.face(face)[0] as usize] });
+        let ours = Vec3::from_array(if of == "uniform" {
+            ours[face]
+        } else {
+            ours[mesh.face(face)[0] as usize]
+        });
         // The GLB has 16 bits per channel.
         assert!(of_face(face).abs_diff_eq(ours, 1e-4), "{face}: {} {ours}", of_face(face));
     }

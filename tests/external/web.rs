@@ -21,15 +21,26 @@ use trisplat_scene::math::metric;
 
 /// Whether `web/build.sh` has built the package and the page.
 fn built() -> bool {
-    have("web", here("target/web/npm/trisplat.wasm").exists() && here("target/web/app/index.html").exists())
+    have(
+        "web",
+        here("target/web/npm/trisplat.wasm").exists() && here("target/web/app/index.html").exists(),
+    )
 }
 
 /// The lines of a script, one for each of `asked`.
 fn lines(command: &mut Command, asked: &Value) -> Vec<Value> {
     let done = runs_with(command, asked.to_string().as_bytes());
-    let lines: Vec<Value> =
-        done.stdout.split(|&b| b == b'\n').filter_map(|line| serde_json::from_slice(line).ok()).collect();
-    assert_eq!(lines.len(), asked.as_array().unwrap().len(), "{}", String::from_utf8_lossy(&done.stderr));
+    let lines: Vec<Value> = done
+        .stdout
+        .split(|&b| b == b'\n')
+        .filter_map(|line| serde_json::from_slice(line).ok())
+        .collect();
+    assert_eq!(
+        lines.len(),
+        asked.as_array().unwrap().len(),
+        "{}",
+        String::from_utf8_lossy(&done.stderr)
+    );
     lines
 }
 
@@ -45,15 +56,19 @@ fn in_page(chromium: &Path, visits: &Value) -> Vec<Value> {
 
 /// What the program says, or the files that it wrote.
 fn program(folder: &Path, arguments: &[&str]) -> Result<(), String> {
-    let done =
-        Command::new(env!("CARGO_BIN_EXE_trisplat")).args(arguments).current_dir(folder).output().unwrap();
+    let done = Command::new(env!("CARGO_BIN_EXE_trisplat"))
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .unwrap();
     let said = String::from_utf8_lossy(&done.stderr).into_owned();
     if done.status.success() { Ok(()) } else { Err(said) }
 }
 
 /// Asserts that both folders have these files, and the same bytes in each.
 fn assert_same(folder: &Path, other: &Path, names: &Value) {
-    let names: Vec<&str> = names.as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
+    let names: Vec<&str> =
+        names.as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
     assert!(!names.is_empty());
     for name in names {
         let [ours, theirs] = [folder, other].map(|folder| fs::read(folder.join(name)).unwrap());
@@ -116,7 +131,12 @@ fn node_writes_the_bytes_of_the_program() {
             json!({ "max_triangles": 1000, "up": "y" }),
             &["--max-triangles", "1000", "--up", "y"],
         ),
-        ("trained.ply", "e.glb", json!({ "crop": ["-1,-1,-1,1,1,1"] }), &["--crop", "-1,-1,-1,1,1,1"]),
+        (
+            "trained.ply",
+            "e.glb",
+            json!({ "crop": ["-1,-1,-1,1,1,1"] }),
+            &["--crop", "-1,-1,-1,1,1,1"],
+        ),
         ("degenerate.ply", "f.ply", json!({ "teacher": "off" }), &["--teacher", "off"]),
         ("cube.obj", "g.obj", json!({}), &[]),
         ("first.glb", "h.html", json!({}), &[]),
@@ -138,7 +158,10 @@ fn node_writes_the_bytes_of_the_program() {
         program(ours.path(), &[&["bake", input, "-o", output], *flags].concat()).unwrap();
         assert!(done["error"].is_null(), "{output}: {done}");
         assert_same(ours.path(), theirs.path(), &done["names"]);
-        assert!(done["names"].as_array().unwrap().contains(&json!(output)) && done["stages"] != json!([]));
+        assert!(
+            done["names"].as_array().unwrap().contains(&json!(output))
+                && done["stages"] != json!([])
+        );
     }
 }
 
@@ -198,7 +221,8 @@ fn a_checkpoint_becomes_the_programs_glb() {
     fs::write(&checkpoint_file, checkpoint(&tensors, b"")).unwrap();
     let files = json!({ "scene.pt": checkpoint_file });
     let options = json!({ "teacher": "off" });
-    let job = json!([{ "files": files, "options": options, "output": "a.glb", "folder": theirs.path() }]);
+    let job =
+        json!([{ "files": files, "options": options, "output": "a.glb", "folder": theirs.path() }]);
     let done = in_node(&job);
     assert!(done[0]["error"].is_null(), "{}", done[0]);
     program(ours.path(), &["bake", "scene.pt", "-o", "a.glb", "--teacher", "off"]).unwrap();
@@ -214,10 +238,12 @@ fn a_soft_scene_is_fitted_as_a_cpu_without_vectors_does() {
     let scene = studio();
     let options = json!({ "teacher_pictures": 4, "reshape_rounds": 1, "refit_passes": 1 });
     let files = json!({ "studio.ply": scene });
-    let done =
-        in_node(&json!([{ "files": files, "options": options, "output": "a.glb", "folder": theirs.path() }]));
+    let done = in_node(
+        &json!([{ "files": files, "options": options, "output": "a.glb", "folder": theirs.path() }]),
+    );
     assert!(done[0]["error"].is_null(), "{}", done[0]);
-    let named = trisplat_scene::layered::Layers::default().named(options.as_object().unwrap().clone());
+    let named =
+        trisplat_scene::layered::Layers::default().named(options.as_object().unwrap().clone());
     let options = named.resolve(BakeOptions::preset).unwrap().options;
     let job = BakeJob::new([BakeInput::File(scene)], options);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
@@ -240,7 +266,8 @@ fn node_refuses_what_the_program_refuses_in_the_same_words() {
         jobs.push(json!({ "files": { name: path }, "options": { "teacher": "off" }, "output": "out.glb", "folder": folder.path() }));
     }
     for ((name, _), done) in hostile().iter().zip(in_node(&jobs.into())) {
-        let error = program(folder.path(), &["bake", name, "-o", "out.glb", "--teacher", "off"]).unwrap_err();
+        let error = program(folder.path(), &["bake", name, "-o", "out.glb", "--teacher", "off"])
+            .unwrap_err();
         let error = error.trim().strip_prefix("error: ").unwrap_or(&error).trim();
         assert_eq!(done["error"], json!(error));
     }
@@ -252,7 +279,11 @@ fn node_refuses_what_the_program_refuses_in_the_same_words() {
         { "files": files, "info": true },
     ]));
     let error = |i: usize| done[i]["error"].as_str().unwrap_or_default().to_owned();
-    assert!(error(0).contains("max_triangels") && error(0).contains("the name of an option"), "{}", done[0]);
+    assert!(
+        error(0).contains("max_triangels") && error(0).contains("the name of an option"),
+        "{}",
+        done[0]
+    );
     assert!(error(1).contains("a.xyz") && error(1).contains(".glb"), "{}", done[1]);
     assert_eq!(error(2), "cancelled");
     assert_eq!(done[3]["info"]["kind"], "soup");
@@ -267,7 +298,9 @@ fn look(name: &str) -> Value {
 fn the_page_bakes_what_the_program_does() {
     let Some(chromium) = chromium().filter(|_| built()) else { return };
     let [ours, theirs, isolated] = [(); 3].map(|()| TempDir::new().unwrap());
-    let keep = |name: &str| std::env::var_os("TRISPLAT_KEEP").map(|folder| PathBuf::from(folder).join(name));
+    let keep = |name: &str| {
+        std::env::var_os("TRISPLAT_KEEP").map(|folder| PathBuf::from(folder).join(name))
+    };
     // Small pictures, as software draws them.
     let size = [680, 300];
     let trained = here("samples/soups/trained.ply");
@@ -290,16 +323,47 @@ fn the_page_bakes_what_the_program_does() {
         println!("first seen after {} ms, longest pause {} ms", one["paint"], one["pause"]);
         assert!(one["pause"].as_f64().unwrap() < 5000.0, "the page hangs: {one}");
     }
-    let flags =
-        ["--target", "godot", "--max-triangles", "1000", "--up", "y", "--crop=-1e9,-1e9,-1e9,1e9,1e9,1e9"];
-    program(ours.path(), &[&["bake", "trained.ply", "-o", "trained.glb"], &flags[..]].concat()).unwrap();
-    assert_eq!((&seen[0]["state"], &seen[0]["compares"]), (&json!("ready"), &json!(true)), "{}", seen[0]);
+    let flags = [
+        "--target",
+        "godot",
+        "--max-triangles",
+        "1000",
+        "--up",
+        "y",
+        "--crop=-1e9,-1e9,-1e9,1e9,1e9,1e9",
+    ];
+    program(ours.path(), &[&["bake", "trained.ply", "-o", "trained.glb"], &flags[..]].concat())
+        .unwrap();
+    assert_eq!(
+        (&seen[0]["state"], &seen[0]["compares"]),
+        (&json!("ready"), &json!(true)),
+        "{}",
+        seen[0]
+    );
     assert_same(ours.path(), theirs.path(), &seen[0]["downloads"]);
-    assert_eq!((&seen[0]["isolated"], &seen[1]["isolated"]), (&json!(false), &json!(true)), "threads");
+    assert_eq!(
+        (&seen[0]["isolated"], &seen[1]["isolated"]),
+        (&json!(false), &json!(true)),
+        "threads"
+    );
     assert_same(ours.path(), isolated.path(), &seen[1]["downloads"]);
-    assert_eq!(seen[0]["downloads"].as_array().unwrap().len(), 2, "the GLB, and what Godot wants beside it");
-    assert_eq!((&seen[2]["state"], &seen[2]["message"]), (&json!("ready"), &json!("")), "{}", seen[2]);
-    assert_eq!((&seen[3]["what"], &seen[3]["downloads"]), (&json!("cancelled"), &json!([])), "{}", seen[3]);
+    assert_eq!(
+        seen[0]["downloads"].as_array().unwrap().len(),
+        2,
+        "the GLB, and what Godot wants beside it"
+    );
+    assert_eq!(
+        (&seen[2]["state"], &seen[2]["message"]),
+        (&json!("ready"), &json!("")),
+        "{}",
+        seen[2]
+    );
+    assert_eq!(
+        (&seen[3]["what"], &seen[3]["downloads"]),
+        (&json!("cancelled"), &json!([])),
+        "{}",
+        seen[3]
+    );
     assert_seen(theirs.path(), &cancelled);
     let message = seen[4]["message"].as_str().unwrap();
     assert!(seen[4]["state"] == "failed" && message.contains("WebGL 2"), "{}", seen[4]);
@@ -367,7 +431,8 @@ fn every_look_changes_the_picture_at_once() {
         (look("solid"), true),
         (json!({ "range": "split", "to": 0.8 }), true),
     ];
-    let inputs = [vec![small.clone()], named(before.path(), &looks), vec![json!({ "resize": [1280, 720] })]];
+    let inputs =
+        [vec![small.clone()], named(before.path(), &looks), vec![json!({ "resize": [1280, 720] })]];
     let after_bake = [vec![small], named(after.path(), &sides)].concat();
     // Few triangles are baked sooner.
     let set = json!({ "triangles": "500" });
@@ -381,7 +446,8 @@ fn every_look_changes_the_picture_at_once() {
     assert_seen(before.path(), &looks);
     assert_seen(after.path(), &sides);
     let soft = looks.iter().position(|(input, _)| *input == look("soft")).unwrap();
-    let picture = |when: &str| RgbImage::load(&before.path().join(format!("{soft}-{when}.png"))).unwrap();
+    let picture =
+        |when: &str| RgbImage::load(&before.path().join(format!("{soft}-{when}.png"))).unwrap();
     let psnr = metric::psnr(&picture("before").rgb, &picture("after").rgb, None);
     assert!(psnr > 18.0, "soft is the same view as solid: {psnr:.1} dB");
     // A bake may be followed by another, and by the file.
@@ -393,7 +459,10 @@ fn every_look_changes_the_picture_at_once() {
 /// Asserts that the button Bake is in sight.
 fn assert_reachable(layout: &Value, height: f64) {
     let number = |what: &str| layout["button"][what].as_f64().unwrap();
-    assert!(number("top") >= 0.0 && number("height") > 20.0 && number("bottom") <= height, "{layout}");
+    assert!(
+        number("top") >= 0.0 && number("height") > 20.0 && number("bottom") <= height,
+        "{layout}"
+    );
     assert_eq!(layout["onButton"], json!("bake"));
 }
 
@@ -420,7 +489,10 @@ fn a_file_dropped_into_the_empty_picture_opens_and_bake_and_picture_are_in_sight
     // On a phone, before anything is opened, and with the options unfolded.
     for when in ["start", "end"] {
         let panel = seen[1][when]["panel"]["height"].as_f64().unwrap();
-        assert!(panel > 100.0 && panel <= 844.0 / 2.0, "{when}: the panel has {panel} px of the window");
+        assert!(
+            panel > 100.0 && panel <= 844.0 / 2.0,
+            "{when}: the panel has {panel} px of the window"
+        );
     }
 }
 
@@ -429,20 +501,29 @@ fn the_page_bakes_in_firefox_too() {
     let firefox = ["/usr/bin/firefox-esr", "/usr/bin/firefox"].map(PathBuf::from);
     let firefox = firefox.into_iter().find(|path| path.exists());
     let driver = here("target/judges/node_modules/puppeteer-core").exists();
-    let there = have("firefox", firefox.is_some() && driver && Path::new("/usr/bin/xvfb-run").exists());
+    let there =
+        have("firefox", firefox.is_some() && driver && Path::new("/usr/bin/xvfb-run").exists());
     let Some(firefox) = firefox.filter(|_| there && built()) else { return };
     let [ours, theirs] = [(); 2].map(|()| TempDir::new().unwrap());
     fs::copy(here("samples/soups/trained.ply"), ours.path().join("trained.ply")).unwrap();
     let mut command = Command::new("xvfb-run");
-    command.args(["-a", "node"]).arg(here("tests/firefox.mjs")).arg(here("target/judges")).arg(firefox);
-    command.arg(here("target/web/app/index.html")).arg(ours.path().join("trained.ply")).arg(theirs.path());
+    command
+        .args(["-a", "node"])
+        .arg(here("tests/firefox.mjs"))
+        .arg(here("target/judges"))
+        .arg(firefox);
+    command
+        .arg(here("target/web/app/index.html"))
+        .arg(ours.path().join("trained.ply"))
+        .arg(theirs.path());
     let seen = lines(&mut command, &json!([{}])).remove(0);
     println!("{seen}");
     assert_eq!(
         (&seen["errors"], &seen["state"], &seen["message"]),
         (&json!([]), &json!("ready"), &json!(""))
     );
-    program(ours.path(), &["bake", "trained.ply", "-o", "trained.glb", "--target", "godot"]).unwrap();
+    program(ours.path(), &["bake", "trained.ply", "-o", "trained.glb", "--target", "godot"])
+        .unwrap();
     assert_same(ours.path(), theirs.path(), &json!(["trained.glb", "trained.glb.import"]));
 }
 
@@ -478,17 +559,23 @@ fn the_page_can_reach_nothing_and_is_small() {
         return;
     }
     let page = fs::read_to_string(here("target/web/app/index.html")).unwrap();
-    let policy =
-        page.split("Content-Security-Policy\" content=\"").nth(1).and_then(|rest| rest.split('"').next());
+    let policy = page
+        .split("Content-Security-Policy\" content=\"")
+        .nth(1)
+        .and_then(|rest| rest.split('"').next());
     let policy = policy.expect("the page has a policy");
-    assert!(policy.starts_with("default-src 'none'; ") && !policy.contains("connect-src"), "{policy}");
+    assert!(
+        policy.starts_with("default-src 'none'; ") && !policy.contains("connect-src"),
+        "{policy}"
+    );
     for word in ["unsafe-inline", "'unsafe-eval'", "*", "http", "'self'"] {
         assert!(!policy.contains(word), "{word}: {policy}");
     }
     for outside in ["<script src", "<link", "@import"] {
         assert!(!page.contains(outside), "{outside}: the page must hold all it needs");
     }
-    let program = page.split("id=\"program\">").nth(1).and_then(|rest| rest.split('<').next()).unwrap();
+    let program =
+        page.split("id=\"program\">").nth(1).and_then(|rest| rest.split('<').next()).unwrap();
     let bytes = program.len() / 4 * 3;
     println!("the program takes {bytes} bytes, compressed");
     assert!(bytes <= 3_000_000, "{bytes}");

@@ -32,7 +32,8 @@ fn case(
 }
 
 pub(crate) fn capture_new() -> Case {
-    const CAPTURE: &[&str] = &["capture", "in/photos/images", "-o", "out/set", "--poses", "in/colmap"];
+    const CAPTURE: &[&str] =
+        &["capture", "in/photos/images", "-o", "out/set", "--poses", "in/colmap"];
     case("capture", 4, CAPTURE, &[], |_| {})
 }
 
@@ -49,8 +50,20 @@ pub(crate) fn capture_replaces() -> Case {
 
 pub(crate) fn make() -> Case {
     const MAKE: &[&str] = &[
-        "make", "in/photos/images", "-o", "out/a.glb", "--work", "out/work", "--poses", "in/colmap",
-        "--steps", "100", "--max-triangles", "200", "--report", "out/report.json",
+        "make",
+        "in/photos/images",
+        "-o",
+        "out/a.glb",
+        "--work",
+        "out/work",
+        "--poses",
+        "in/colmap",
+        "--steps",
+        "100",
+        "--max-triangles",
+        "200",
+        "--report",
+        "out/report.json",
     ];
     case("make", 8, MAKE, &[], |_| {})
 }

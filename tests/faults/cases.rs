@@ -51,8 +51,19 @@ fn before(arguments: &[&str]) -> Tree {
 }
 
 const BAKE: &[&str] = &[
-    "bake", "in/a.ply", "-o", "out/a.gltf", "--lod", "0.5", "--target", "godot", "--report",
-    "out/report.json", "--force", "--teacher", "off",
+    "bake",
+    "in/a.ply",
+    "-o",
+    "out/a.gltf",
+    "--lod",
+    "0.5",
+    "--target",
+    "godot",
+    "--report",
+    "out/report.json",
+    "--force",
+    "--teacher",
+    "off",
 ];
 
 pub(crate) fn bake_replaces() -> Case {
@@ -81,9 +92,31 @@ pub(crate) fn bake_new() -> Case {
 
 pub(crate) fn train() -> Case {
     const TRAIN: &[&str] = &[
-        "train", "in/photos", "-o", "out/a.ply", "--log", "out/log.jsonl", "--report", "out/report.json",
-        "--preview", "out/preview", "--preview-every", "0", "--checkpoint-every", "2", "--keep", "2",
-        "--steps", "6", "--log-every", "3", "--max-triangles", "200", "--force", "--preset", "outdoor",
+        "train",
+        "in/photos",
+        "-o",
+        "out/a.ply",
+        "--log",
+        "out/log.jsonl",
+        "--report",
+        "out/report.json",
+        "--preview",
+        "out/preview",
+        "--preview-every",
+        "0",
+        "--checkpoint-every",
+        "2",
+        "--keep",
+        "2",
+        "--steps",
+        "6",
+        "--log-every",
+        "3",
+        "--max-triangles",
+        "200",
+        "--force",
+        "--preset",
+        "outdoor",
     ];
     let mut old = TRAIN.to_vec();
     old.extend(["--seed", "7"]);
@@ -99,8 +132,20 @@ pub(crate) fn train() -> Case {
 
 pub(crate) fn train_with_teacher() -> Case {
     const TRAIN: &[&str] = &[
-        "train", "in/photos", "-o", "out/a.ply", "--teacher", "auto", "--checkpoint-every", "4", "--keep",
-        "2", "--steps", "8", "--max-triangles", "200",
+        "train",
+        "in/photos",
+        "-o",
+        "out/a.ply",
+        "--teacher",
+        "auto",
+        "--checkpoint-every",
+        "4",
+        "--keep",
+        "2",
+        "--steps",
+        "8",
+        "--max-triangles",
+        "200",
         // A killed run leaves its teacher, which is whole.
         "--force",
     ];
@@ -116,8 +161,18 @@ pub(crate) fn train_with_teacher() -> Case {
 
 pub(crate) fn eval() -> Case {
     const EVAL: &[&str] = &[
-        "eval", "in/mesh.obj", "in/photos", "--report", "out/report.json", "--save-renders", "out/renders",
-        "--split", "all", "--ssaa", "1", "--force",
+        "eval",
+        "in/mesh.obj",
+        "in/photos",
+        "--report",
+        "out/report.json",
+        "--save-renders",
+        "out/renders",
+        "--split",
+        "all",
+        "--ssaa",
+        "1",
+        "--force",
     ];
     let mut old = EVAL.to_vec();
     old.extend(["--background", "white"]);
@@ -147,8 +202,19 @@ pub(crate) fn render() -> Case {
 }
 
 const PLAN: &[&str] = &[
-    "plan", "in/photos", "-o", "out/city", "--blocks", "2", "--steps", "80", "--max-triangles", "600",
-    "--min-cover", "0", "--force",
+    "plan",
+    "in/photos",
+    "-o",
+    "out/city",
+    "--blocks",
+    "2",
+    "--steps",
+    "80",
+    "--max-triangles",
+    "600",
+    "--min-cover",
+    "0",
+    "--force",
 ];
 
 /// A case whose outputs are all there or none, after the runs of `earlier`.
@@ -211,7 +277,12 @@ pub(crate) fn tiles() -> Case {
         "tile_triangles=1000",
         "--force",
     ];
-    whole("bake of tiles over old ones", TILES, &[], &[[TILES, &["--scale-by", "0.4=0.25"]].concat()])
+    whole(
+        "bake of tiles over old ones",
+        TILES,
+        &[],
+        &[[TILES, &["--scale-by", "0.4=0.25"]].concat()],
+    )
 }
 
 pub(crate) fn manual() -> Case {
@@ -262,7 +333,9 @@ impl Case {
         match fault.kind {
             Kind::Kill => assert!(code.is_none(), "was not killed: {context}"),
             // It may come when all is done.
-            Kind::Signal if code == fault.exit_code() => self.check_nothing_left(&found, "", &context),
+            Kind::Signal if code == fault.exit_code() => {
+                self.check_nothing_left(&found, "", &context)
+            }
             _ => {
                 self.check_exit(&run, &found, new, &call, &context);
                 ended_early = code != Some(0);
@@ -278,15 +351,24 @@ impl Case {
                 return;
             }
             let again = injector.run(folder.path(), self.arguments, None);
-            if self.goes_on() && complete(&found) && again.stderr().contains("--force to replace it") {
+            if self.goes_on()
+                && complete(&found)
+                && again.stderr().contains("--force to replace it")
+            {
                 // It was killed when all was done.
                 return;
             }
-            assert!(again.output.status.success(), "the next run: {}\nafter {context}", again.stderr());
+            assert!(
+                again.output.status.success(),
+                "the next run: {}\nafter {context}",
+                again.stderr()
+            );
             let found = tree::read(folder.path());
             // When a training saves itself, and whether it has a teacher, depends on time.
             let depends = |name: &&String| self.goes_on() && name.contains("/scene.");
-            let names = |tree: &Tree| tree.keys().filter(|name| !depends(name)).cloned().collect::<Vec<_>>();
+            let names = |tree: &Tree| {
+                tree.keys().filter(|name| !depends(name)).cloned().collect::<Vec<_>>()
+            };
             assert_eq!(names(&found), names(&new.out), "the next run, after {context}");
             self.check_files(&found, new, &context);
         }
@@ -295,7 +377,9 @@ impl Case {
     /// All outputs are there, or all that was there before; of a run that was not killed nothing else is, but what the next goes on from.
     fn check_all_or_nothing(&self, found: &Tree, new: &Outcome, context: &str) {
         let holds = |tree: &Tree| {
-            let same = |name: &String, bytes: &Vec<u8>| is_volatile(name) || found.get(name) == Some(bytes);
+            let same = |name: &String, bytes: &Vec<u8>| {
+                is_volatile(name) || found.get(name) == Some(bytes)
+            };
             let mut files = tree.iter().filter(|(name, _)| !tree::is_folder(name));
             files.all(|(name, bytes)| found.contains_key(name) && same(name, bytes))
         };
@@ -304,7 +388,9 @@ impl Case {
         let goes_on = |name: &str| name.contains("/coarse-") || name.ends_with(".checkpoint");
         let more: Vec<&String> = found
             .keys()
-            .filter(|name| !self.before.contains_key(*name) && !tree::is_leftover(name) && !goes_on(name))
+            .filter(|name| {
+                !self.before.contains_key(*name) && !tree::is_leftover(name) && !goes_on(name)
+            })
             // After a kill they may stay, and otherwise they are looked for by themselves.
             .filter(|name| !tree::is_folder(name))
             .collect();
@@ -347,8 +433,8 @@ impl Case {
             assert!(rescued == new.out[kept], "the rescued scene is another: {context}");
         }
         // Nothing is written beside the scene before the training starts.
-        let beside =
-            ["write", "fsync", "rename"].iter().any(|name| call.starts_with(name)) && !call.contains("a.ply");
+        let beside = ["write", "fsync", "rename"].iter().any(|name| call.starts_with(name))
+            && !call.contains("a.ply");
         if beside && !text.contains("the scene was saved as ") {
             assert!(found.get(kept) == Some(&new.out[kept]), "the scene is not there: {context}");
         }
@@ -357,7 +443,8 @@ impl Case {
 
     /// Every file is as it was, or as it is to be.
     fn check_files(&self, found: &Tree, new: &Outcome, context: &str) {
-        let (mut old_ones, mut new_ones) = (Vec::new(), Vec::new());
+        let mut old_ones = Vec::new();
+        let mut new_ones = Vec::new();
         let is_file = |name: &str| !tree::is_leftover(name) && !tree::is_folder(name);
         for (name, bytes) in found.iter().filter(|(name, _)| is_file(name)) {
             let is_old = self.before.get(name) == Some(bytes);
@@ -381,7 +468,8 @@ impl Case {
         let complete = found.keys().all(|name| !tree::is_leftover(name));
         // A capture of other photos is set aside.
         let is_there = |name: &str| {
-            found.contains_key(name) || found.contains_key(&name.replacen("out/set/", "out/set.old/", 1))
+            found.contains_key(name)
+                || found.contains_key(&name.replacen("out/set/", "out/set.old/", 1))
         };
         let lost: Vec<&String> = self
             .before
@@ -397,8 +485,11 @@ impl Case {
 /// True of files with times in them: no two runs write the same.
 fn is_volatile(name: &str) -> bool {
     // `make` stops by time, and a capture's log names its folder.
-    let made = ["out/a.glb", "out/a.html", "out/work/scene"].iter().any(|start| name.starts_with(start));
-    made || [".json", ".jsonl", ".svg", ".checkpoint", ".log"].iter().any(|ending| name.ends_with(ending))
+    let made =
+        ["out/a.glb", "out/a.html", "out/work/scene"].iter().any(|start| name.starts_with(start));
+    made || [".json", ".jsonl", ".svg", ".checkpoint", ".log"]
+        .iter()
+        .any(|ending| name.ends_with(ending))
         && !["tileset", "manifest"].iter().any(|exact| name.contains(exact))
 }
 

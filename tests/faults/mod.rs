@@ -32,7 +32,8 @@ fn visit(case: &Case) {
     let new = case.outcome(&injector);
     let all = std::env::var_os("TRISPLAT_FAULTS").is_some_and(|value| value == "all");
     let step = if all { 1 } else { new.calls.div_ceil(case.visits()).max(1) };
-    let (mut visited, mut failed) = (0, 0);
+    let mut visited = 0;
+    let mut failed = 0;
     for kind in [Kind::Error, Kind::Full, Kind::Kill, Kind::Signal] {
         if kind == Kind::Signal && !case.knows_signals() {
             continue;
@@ -47,10 +48,12 @@ fn visit(case: &Case) {
         }
     }
     // Other places every time.
-    let (began, seed) = (Instant::now(), SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap());
+    let began = Instant::now();
+    let seed = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap();
     let random = Rng::new(seed.as_nanos() as u64, case.name, 0);
     while began.elapsed() < crate::night::duration() {
-        let kind = [Kind::Kill, Kind::Kill, Kind::Error, Kind::Full][random.bits(2 * visited) as usize % 4];
+        let kind = [Kind::Kill, Kind::Kill, Kind::Error, Kind::Full]
+            [random.bits(2 * visited) as usize % 4];
         let fault = Fault { kind, at: 1 + random.bits(2 * visited + 1) % new.calls };
         let checked = catch_unwind(AssertUnwindSafe(|| case.check(&injector, &new, fault)));
         failed += u64::from(checked.is_err());

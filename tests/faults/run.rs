@@ -67,7 +67,9 @@ impl Injector {
         let log: PathBuf = temporary.path().join("calls");
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
         command.args(arguments).args(["--threads", "1"]).current_dir(folder).stdin(Stdio::null());
-        command.env("LD_PRELOAD", self.folder.path().join("inject.so")).env("TMPDIR", temporary.path());
+        command
+            .env("LD_PRELOAD", self.folder.path().join("inject.so"))
+            .env("TMPDIR", temporary.path());
         command.env("FAULT_FOLDER", folder).env("FAULT_COUNT", &log);
         if let Some(Fault { kind, at }) = fault {
             let kind = match kind {

@@ -18,7 +18,8 @@ fn collect(folder: &Path, prefix: &str, tree: &mut Tree) {
     for entry in entries.map(Result::unwrap) {
         let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
         if entry.path().is_dir() {
-            let (name, before) = (format!("{name}/"), tree.len());
+            let name = format!("{name}/");
+            let before = tree.len();
             collect(&entry.path(), &name, tree);
             if tree.len() == before {
                 tree.insert(name, Vec::new());

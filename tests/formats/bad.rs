@@ -1,7 +1,9 @@
 //! Bad input, one table: each file fails with one clear error or loses what is not finite, and none
 //! panics or asks for memory it cannot fill.
 
-use super::files::{Cell, ENCODINGS, Element, Encoding, mesh, ply, provenance, soup, soup_elements, source};
+use super::files::{
+    Cell, ENCODINGS, Element, Encoding, mesh, ply, provenance, soup, soup_elements, source,
+};
 use proptest::prelude::*;
 use trisplat_formats::{ReadOptions, Source, obj, off, ply as format};
 use trisplat_scene::{Asset, Error, ImportedScene, Result};
@@ -24,7 +26,8 @@ fn mesh_bytes(count: usize, face_colors: bool) -> Vec<u8> {
 }
 
 fn obj_bytes(count: usize) -> Vec<u8> {
-    let (mut bytes, mut mtl) = (Vec::new(), Vec::new());
+    let mut bytes = Vec::new();
+    let mut mtl = Vec::new();
     let asset = Asset { mesh: mesh(count, false, true, false), ..Asset::default() };
     obj::write(&mut bytes, &mut mtl, "a.mtl", None, &asset).expect("writes");
     bytes
@@ -34,7 +37,9 @@ fn off_bytes(count: usize) -> Vec<u8> {
     let mesh = mesh(count, true, true, false);
     let mut text = format!("COFF\n{} {count} 0\n", mesh.vertex_count());
     mesh.positions.iter().for_each(|v| text += &format!("{} {} {}\n", v.x, v.y, v.z));
-    mesh.indices.chunks(3).for_each(|f| text += &format!("3 {} {} {} 9 8 7 255\n", f[0], f[1], f[2]));
+    mesh.indices
+        .chunks(3)
+        .for_each(|f| text += &format!("3 {} {} {} 9 8 7 255\n", f[0], f[1], f[2]));
     text.into_bytes()
 }
 
@@ -42,10 +47,14 @@ fn off_bytes(count: usize) -> Vec<u8> {
 fn error(read: Read, bytes: &[u8], what: &str) -> String {
     let result = read(source(bytes), &OPTIONS);
     let error = result.err().unwrap_or_else(|| panic!("{what} was read without complaint"));
-    let known = matches!(error, Error::Malformed { .. } | Error::Unsupported { .. } | Error::Limit { .. });
+    let known =
+        matches!(error, Error::Malformed { .. } | Error::Unsupported { .. } | Error::Limit { .. });
     assert!(known, "{what}: {error:?}");
     let message = error.to_string();
-    assert!(message.starts_with("test: ") && message.len() < 400 && !message.contains('\n'), "{message}");
+    assert!(
+        message.starts_with("test: ") && message.len() < 400 && !message.contains('\n'),
+        "{message}"
+    );
     message
 }
 
@@ -63,7 +72,8 @@ fn truncated_files_are_errors() {
     ];
     for (name, read, long, tiny) in files {
         // Text may lose its last line end, and its last number some digits, and still be whole.
-        let slack = if name.contains("soup") && !name.contains("ascii") || name == "mesh" { 0 } else { 12 };
+        let slack =
+            if name.contains("soup") && !name.contains("ascii") || name == "mesh" { 0 } else { 12 };
         for end in (0..long.len().saturating_sub(slack)).step_by(997) {
             error(read, &long[..end], &format!("{name} cut at {end} of {}", long.len()));
         }
@@ -82,7 +92,8 @@ fn truncated_files_are_errors() {
 
 #[test]
 fn broken_headers_are_refused() {
-    let good = String::from_utf8(ply(Encoding::Ascii, &soup_elements(&soup(2, 0, 1)))).expect("text");
+    let good =
+        String::from_utf8(ply(Encoding::Ascii, &soup_elements(&soup(2, 0, 1)))).expect("text");
     let long = "x".repeat(2 << 20);
     let swap = |from: &str, to: &str| {
         assert!(good.contains(from), "{from}");
@@ -106,7 +117,10 @@ fn broken_headers_are_refused() {
         (swap("element vertex 6", "element vertex -6"), "whole number"),
         (swap("element vertex 6", "element vertex six"), "whole number"),
         (swap("element vertex 6", "element vertex"), "NAME COUNT"),
-        (swap("element vertex 6", "property float t\nelement vertex 6"), "before the first element"),
+        (
+            swap("element vertex 6", "property float t\nelement vertex 6"),
+            "before the first element",
+        ),
         (swap("element face 2", "element vertex 2"), "twice"),
         (swap("element face 2", "element face 0"), "no rows"),
         (swap("element face 2", "element facet 2"), "point cloud"),
@@ -130,7 +144,9 @@ fn broken_headers_are_refused() {
         assert!(message.contains(says), "{message:?} should say {says:?}");
     }
     let many: String = (0..2000).map(|i| format!("property float p{i}\n")).collect();
-    assert!(error(format::read, swap("property float x\n", &many).as_bytes(), "many").contains("1024"));
+    assert!(
+        error(format::read, swap("property float x\n", &many).as_bytes(), "many").contains("1024")
+    );
     let many: String = (0..2000).map(|i| format!("element e{i} 0\n")).collect();
     assert!(
         error(format::read, swap("element vertex", &(many + "element vertex")).as_bytes(), "many")
@@ -140,7 +156,8 @@ fn broken_headers_are_refused() {
 
 #[test]
 fn gaussians_are_refused_with_the_command_that_trains_triangles() {
-    let names = ["x", "y", "z", "f_dc_0", "opacity", "scale_0", "rot_0"].map(|n| format!("float {n}"));
+    let names =
+        ["x", "y", "z", "f_dc_0", "opacity", "scale_0", "rot_0"].map(|n| format!("float {n}"));
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let gaussians = Element::new("vertex", &names, vec![vec![Cell::F32(0.5); 7]; 9]);
     let message = error(format::read, &ply(Encoding::Little, &[gaussians]), "gaussians");
@@ -156,8 +173,8 @@ fn promises_beyond_the_file_cost_nothing() {
                 let text = String::from_utf8_lossy(&good).into_owned();
                 let (name, _) = element.split_once(' ').expect("two words");
                 let end = good.windows(11).position(|w| w == b"end_header\n").expect("a header");
-                let header =
-                    text[..end].replace(&format!("element {element}"), &format!("element {name} {rows}"));
+                let header = text[..end]
+                    .replace(&format!("element {element}"), &format!("element {name} {rows}"));
                 let bytes = [header.as_bytes(), &good[end..]].concat();
                 error(format::read, &bytes, &format!("{encoding:?} {element} as {rows}"));
             }
@@ -172,7 +189,9 @@ fn promises_beyond_the_file_cost_nothing() {
         );
         error(format::read, bare.as_bytes(), "bare rows");
     }
-    for counts in ["4000000000 1 0", "3 4000000000 0", "18446744073709551615 18446744073709551615 0"] {
+    for counts in
+        ["4000000000 1 0", "3 4000000000 0", "18446744073709551615 18446744073709551615 0"]
+    {
         let text = format!("OFF\n{counts}\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
         assert!(error(off::read, text.as_bytes(), counts).contains("more than fit"), "{counts}");
     }
@@ -205,7 +224,10 @@ fn broken_faces_are_named() {
             let mut elements = soup_elements(&soup(100, 0, 1));
             elements[1].rows[57][cell] = value;
             let message = error(format::read, &ply(encoding, &elements), says);
-            assert!(message.contains("face 57") && message.contains(says), "{encoding:?}: {message}");
+            assert!(
+                message.contains("face 57") && message.contains(says),
+                "{encoding:?}: {message}"
+            );
             // The same faces in a mesh, where a count of 255 takes the next faces for its corners.
             without_sigma(&mut elements[1]);
             let message = error(format::read, &ply(encoding, &elements), says);
@@ -227,7 +249,8 @@ fn broken_faces_are_named() {
             let bytes = ply(encoding, &elements);
             match corners {
                 2 => assert!(
-                    error(format::read, &bytes, "line").contains("face 57: has 2 corners; expected 3")
+                    error(format::read, &bytes, "line")
+                        .contains("face 57: has 2 corners; expected 3")
                 ),
                 _ => assert!(format::read(source(&bytes), &OPTIONS).is_ok()),
             }
@@ -293,7 +316,10 @@ fn broken_text_names_its_line() {
         (format!("OFF\n-3 1 0\n{corners}"), "two whole numbers"),
         (format!("OFF\n3 0 0\n{corners}"), "no triangles"),
         (format!("OFF\n3 1 0\n{}", corners.replace("1 0 0", "1 0")), "line 4"),
-        (format!("OFF\n3 1 0\n{}", corners.replace("1 0 0", "1 0 0 9")), "1 numbers for its colour"),
+        (
+            format!("OFF\n3 1 0\n{}", corners.replace("1 0 0", "1 0 0 9")),
+            "1 numbers for its colour",
+        ),
         (format!("OFF\n3 1 0\n{}", corners.replace("1 0 0", "1 zero 0")), "\"zero\""),
         (format!("OFF\n3 1 0\n{}", corners.replace("2\n", "2 300 0 0\n")), "300"),
         (format!("OFF\n3 1 0\n{}", corners.replace("2\n", "2 100.0 20.5 0\n")), "100"),
@@ -338,8 +364,9 @@ fn every_poison_in_every_field_is_dropped_refused_or_harmless() {
                 for cell in cells {
                     let mut elements = soup_elements(&soup(3, 0, 1));
                     elements[element].rows[row][cell] = Cell::F32(poison);
-                    let name =
-                        elements[element].properties[if element == 1 { cell - 3 } else { cell }].clone();
+                    let name = elements[element].properties
+                        [if element == 1 { cell - 3 } else { cell }]
+                    .clone();
                     let bytes = ply(encoding, &elements);
                     let range = match &name[6..] {
                         "opacity" => 0.0..=1.0,
@@ -347,11 +374,14 @@ fn every_poison_in_every_field_is_dropped_refused_or_harmless() {
                         _ => f32::MIN..=f32::MAX,
                     };
                     if poison.is_finite() && !range.contains(&poison) {
-                        assert!(error(format::read, &bytes, &name).contains("triangle 1"), "{name} {poison}");
+                        assert!(
+                            error(format::read, &bytes, &name).contains("triangle 1"),
+                            "{name} {poison}"
+                        );
                         continue;
                     }
-                    let loaded =
-                        format::read(source(&bytes), &OPTIONS).expect("two valid triangles at least");
+                    let loaded = format::read(source(&bytes), &OPTIONS)
+                        .expect("two valid triangles at least");
                     let left = if poison.is_finite() { 3 } else { 2 };
                     assert_eq!(loaded.scene.triangle_count(), left, "{name} {poison}");
                     assert_eq!(loaded.warnings.len(), 3 - left, "{name} {poison}");
@@ -363,7 +393,8 @@ fn every_poison_in_every_field_is_dropped_refused_or_harmless() {
 
 #[test]
 fn poison_in_text_is_dropped_or_harmless() {
-    for poison in POISON.map(|x| x.to_string()).into_iter().chain(["1e99999".into(), "-nan".into()]) {
+    for poison in POISON.map(|x| x.to_string()).into_iter().chain(["1e99999".into(), "-nan".into()])
+    {
         let off = format!("OFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n0 {poison} 0\n3 0 1 2\n3 1 2 3\n");
         let obj = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 {poison} 0\nf 1 2 3\nf 2 3 4\n");
         for (read, text) in [(off::read as Read, off), (obj::read, obj)] {
@@ -372,7 +403,9 @@ fn poison_in_text_is_dropped_or_harmless() {
                     let finite = poison.parse::<f32>().is_ok_and(f32::is_finite);
                     assert_eq!(loaded.scene.triangle_count(), if finite { 2 } else { 1 }, "{text}");
                 }
-                Err(e) => assert!(poison == "-nan" && e.to_string().contains("not a number"), "{e}"),
+                Err(e) => {
+                    assert!(poison == "-nan" && e.to_string().contains("not a number"), "{e}")
+                }
             }
         }
     }
@@ -380,7 +413,8 @@ fn poison_in_text_is_dropped_or_harmless() {
 
 #[test]
 fn raw_checkpoint_values_are_recognised() {
-    for (cell, value, says) in [(4, -0.3, "sigmoid"), (4, 1.5, "sigmoid"), (5, -4.6, "exp"), (5, 0.0, "exp")]
+    for (cell, value, says) in
+        [(4, -0.3, "sigmoid"), (4, 1.5, "sigmoid"), (5, -4.6, "exp"), (5, 0.0, "exp")]
     {
         let mut elements = soup_elements(&soup(10, 0, 1));
         elements[1].rows[7][cell] = Cell::F32(value);

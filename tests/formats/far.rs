@@ -49,7 +49,9 @@ fn ply(offset: DVec3, is_soup: bool) -> Vec<u8> {
         bytes.push(3);
         (3 * i..3 * i + 3).for_each(|v| bytes.extend(v.to_le_bytes()));
         match is_soup {
-            true => [0.9f32, 0.01, 0.1, 0.2, 0.3].iter().for_each(|x| bytes.extend(x.to_le_bytes())),
+            true => {
+                [0.9f32, 0.01, 0.1, 0.2, 0.3].iter().for_each(|x| bytes.extend(x.to_le_bytes()))
+            }
             false => bytes.extend([40, 80, 120]),
         }
     }
@@ -61,7 +63,8 @@ fn off(offset: DVec3) -> Vec<u8> {
     for p in corners().iter().map(|p| *p + offset) {
         writeln!(text, "{} {} {}", p.x, p.y, p.z).unwrap();
     }
-    (0..10).for_each(|i| writeln!(text, "3 {} {} {} 40 80 120", 3 * i, 3 * i + 1, 3 * i + 2).unwrap());
+    (0..10)
+        .for_each(|i| writeln!(text, "3 {} {} {} 40 80 120", 3 * i, 3 * i + 1, 3 * i + 2).unwrap());
     text.into_bytes()
 }
 
@@ -111,8 +114,12 @@ fn glb(offset: DVec3) -> Vec<u8> {
 /// Corners of a scene, and what was taken off them; and the GLB that is baked of it, but for what it says of its origin.
 fn baked(path: &Path) -> (Scene, [f64; 3], Vec<u8>) {
     let loaded = read(path, &ReadOptions::default()).unwrap();
-    let (scene, center) = (loaded.scene.clone(), loaded.provenance.placement.center);
-    assert_eq!(loaded.warnings.iter().any(|w| w.contains("far from the origin")), center != [0.0; 3]);
+    let scene = loaded.scene.clone();
+    let center = loaded.provenance.placement.center;
+    assert_eq!(
+        loaded.warnings.iter().any(|w| w.contains("far from the origin")),
+        center != [0.0; 3]
+    );
     let mut options = BakeOptions::default();
     options.place.up = "y".parse().unwrap();
     // A round moves corners as well as many do.
@@ -159,7 +166,8 @@ const APART: DVec3 = DVec3::new(120.0, 0.0, 0.0);
 /// Bakes inputs, Y up as they are, their corners where they are.
 fn bake_all(inputs: Vec<ImportedScene>) -> Asset {
     let mut options = BakeOptions { reshape: ReshapeOptions::OFF, ..BakeOptions::default() };
-    (options.place.up, options.tiles.tiles) = ("y".parse().unwrap(), true);
+    options.place.up = "y".parse().unwrap();
+    options.tiles.tiles = true;
     Bake::new(&options).run(inputs).unwrap()
 }
 
@@ -197,14 +205,17 @@ fn every_format_keeps_a_millimetre_at_utm_coordinates() {
 #[test]
 fn inputs_that_are_merged_stay_as_far_apart_as_they_are_in_the_world() {
     let folder = tempfile::tempdir().unwrap();
-    let (here, there) = (all(PLACE), all(PLACE + APART));
+    let here = all(PLACE);
+    let there = all(PLACE + APART);
     // Pairs of all formats; files that lie in Y up are merged with their like.
     for (i, (first, bytes)) in here.iter().enumerate() {
         for (second, others) in there.iter().filter(|(name, _)| is_gltf(name) == is_gltf(first)) {
-            let paths = [folder.path().join(format!("a{first}")), folder.path().join(format!("b{second}"))];
+            let paths =
+                [folder.path().join(format!("a{first}")), folder.path().join(format!("b{second}"))];
             std::fs::write(&paths[0], bytes).unwrap();
             std::fs::write(&paths[1], others).unwrap();
-            let inputs = paths.iter().map(|path| read(path, &ReadOptions::default()).unwrap()).collect();
+            let inputs =
+                paths.iter().map(|path| read(path, &ReadOptions::default()).unwrap()).collect();
             let asset = bake_all(inputs);
             let what = format!("{i}: {first} and {second}");
             is_in_its_place(&asset, &asset.mesh, &[PLACE, PLACE + APART], &what);
@@ -230,7 +241,8 @@ fn baked_files_that_are_merged_stay_as_far_apart_as_they_are_in_the_world() {
         let mut options = BakeOptions { reshape: ReshapeOptions::OFF, ..BakeOptions::default() };
         // Turned, scaled and each about its own middle.
         options.place.up = "-z".parse().unwrap();
-        (options.place.center, options.place.scale) = (true, 0.5 + i as f64);
+        options.place.center = true;
+        options.place.scale = 0.5 + i as f64;
         let asset = Bake::new(&options).run([scene]).unwrap();
         let path = folder.path().join(format!("{i}.glb"));
         std::fs::write(&path, to_glb_bytes(&asset, &GltfOptions::default()).unwrap()).unwrap();

@@ -30,7 +30,8 @@ pub(crate) fn shared(name: &str) -> Option<Source> {
 /// A random soup with valid values.
 pub(crate) fn soup(count: usize, sh_degree: u8, seed: u64) -> Soup {
     let k = (sh_degree as usize + 1).pow(2);
-    let (place, shade) = (Rng::new(seed, "place", 0), Rng::new(seed, "shade", 0));
+    let place = Rng::new(seed, "place", 0);
+    let shade = Rng::new(seed, "shade", 0);
     let corner = |i: usize| Vec3::from([0, 1, 2].map(|a| place.normal((3 * i + a) as u64)));
     Soup {
         vertices: (0..count).map(|i| [0, 1, 2].map(|c| corner(3 * i + c))).collect(),
@@ -179,8 +180,16 @@ pub(crate) fn mesh(faces: usize, per_face: bool, indexed: bool, opacity: bool) -
             true => Colors::Face((0..faces).map(color).collect()),
             false => Colors::Vertex((0..count).map(color).collect()),
         },
-        indices: if indexed { (0..faces as u32).flat_map(|f| [f + 1, f, f + 2]).collect() } else { vec![] },
-        opacity: if opacity { (0..faces).map(|f| f32::from(code(f, 9)) / 255.0).collect() } else { vec![] },
+        indices: if indexed {
+            (0..faces as u32).flat_map(|f| [f + 1, f, f + 2]).collect()
+        } else {
+            vec![]
+        },
+        opacity: if opacity {
+            (0..faces).map(|f| f32::from(code(f, 9)) / 255.0).collect()
+        } else {
+            vec![]
+        },
         ..Mesh::default()
     }
 }
@@ -193,7 +202,9 @@ pub(crate) fn face(mesh: &Mesh, face: usize) -> ([Vec3; 3], [[f32; 3]; 3], f32) 
 /// The mesh a reader found, and its warnings.
 pub(crate) fn loaded_mesh(loaded: Result<ImportedScene>) -> (Mesh, Provenance, Vec<String>) {
     match loaded.expect("a valid file") {
-        ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, .. } => (mesh, provenance, warnings),
+        ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, .. } => {
+            (mesh, provenance, warnings)
+        }
         other => panic!("{other:?}"),
     }
 }

@@ -15,8 +15,7 @@ const META_JSON: &[u8] =
 
 /// A glTF of one point with the extension, asked for in `list`.
 fn gltf(list: &str) -> Vec<u8> {
-    let position =
-        r#"{"bufferView":0,"componentType":5126,"count":1,"type":"VEC3","min":[0,0,0],"max":[0,0,0]}"#;
+    let position = r#"{"bufferView":0,"componentType":5126,"count":1,"type":"VEC3","min":[0,0,0],"max":[0,0,0]}"#;
     let points = r#"{"attributes":{"POSITION":0},"mode":0,"extensions":{"KHR_gaussian_splatting":{"kernel":"ellipse"}}}"#;
     format!(
         r#"{{"asset":{{"version":"2.0"}},{list},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
@@ -29,8 +28,8 @@ fn gltf(list: &str) -> Vec<u8> {
 fn sog() -> Vec<u8> {
     let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
     for (name, content) in [("meta.json", META_JSON), ("means_l.webp", b"RIFF")] {
-        let stored =
-            zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+        let stored = zip::write::SimpleFileOptions::default()
+            .compression_method(zip::CompressionMethod::Stored);
         archive.start_file(name, stored).expect("an entry");
         archive.write_all(content).expect("its bytes");
     }
@@ -60,7 +59,11 @@ fn every_format_of_gaussians_is_named_and_has_a_remedy() {
         ("a.zip", "SOG", sog()),
         ("meta.json", "SOG", META_JSON.into()),
         ("a.gltf", "glTF", gltf(r#""extensionsUsed":["KHR_gaussian_splatting"]"#)),
-        ("b.gltf", "glTF", gltf(r#""extensionsRequired":["KHR_gaussian_splatting_compression_spz_2"]"#)),
+        (
+            "b.gltf",
+            "glTF",
+            gltf(r#""extensionsRequired":["KHR_gaussian_splatting_compression_spz_2"]"#),
+        ),
     ];
     for (name, kind, content) in cases {
         let message = refusal(folder.path(), name, &content);
@@ -69,7 +72,10 @@ fn every_format_of_gaussians_is_named_and_has_a_remedy() {
             true => (format!("({kind})"), "trisplat bake"),
             false => (format!("as {kind}"), "which is not read; save them as PLY"),
         };
-        assert!(message.contains(&format!("{name}: holds 3D Gaussians {what}")), "{name}: {message}");
+        assert!(
+            message.contains(&format!("{name}: holds 3D Gaussians {what}")),
+            "{name}: {message}"
+        );
         assert!(message.contains(remedy) && !message.contains('\n'), "{message}");
     }
 }
@@ -77,8 +83,12 @@ fn every_format_of_gaussians_is_named_and_has_a_remedy() {
 #[test]
 fn points_that_are_no_gaussians_are_not_called_so() {
     let folder = tempfile::tempdir().expect("a folder");
-    let message = refusal(folder.path(), "a.gltf", &gltf(r#""extensionsUsed":["KHR_materials_unlit"]"#));
-    assert!(message.contains("points and lines are not read") && !message.contains("Gaussians"), "{message}");
+    let message =
+        refusal(folder.path(), "a.gltf", &gltf(r#""extensionsUsed":["KHR_materials_unlit"]"#));
+    assert!(
+        message.contains("points and lines are not read") && !message.contains("Gaussians"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -86,6 +96,7 @@ fn a_list_of_files_of_gaussians_is_no_broken_list_of_photos() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("meta.json");
     std::fs::write(&path, META_JSON).expect("writable");
-    let error = trisplat::Dataset::load(&path, &trisplat::DatasetOptions::default()).expect_err("no photos");
+    let error = trisplat::Dataset::load(&path, &trisplat::DatasetOptions::default())
+        .expect_err("no photos");
     assert_eq!(error.to_string(), refusal(folder.path(), "meta.json", META_JSON));
 }

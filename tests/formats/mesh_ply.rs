@@ -1,6 +1,8 @@
 //! Mesh PLY.
 
-use super::files::{Cell, ENCODINGS, Element, Encoding, face, loaded_mesh, mesh, ply, provenance, source};
+use super::files::{
+    Cell, ENCODINGS, Element, Encoding, face, loaded_mesh, mesh, ply, provenance, source,
+};
 use glam::Vec3;
 use trisplat_formats::{
     ReadOptions,
@@ -25,14 +27,16 @@ fn written(mesh: &Mesh, face_colors: bool) -> Vec<u8> {
 fn every_kind_of_mesh_reads_back_as_it_looked() {
     for count in [1, 20_000] {
         for flags in 0..16 {
-            let [per_face, indexed, opacity, face_colors] = [1, 2, 4, 8].map(|bit| flags & bit != 0);
+            let [per_face, indexed, opacity, face_colors] =
+                [1, 2, 4, 8].map(|bit| flags & bit != 0);
             let before = mesh(count, per_face, indexed, opacity);
             let bytes = written(&before, face_colors);
             let (after, back, warnings) = loaded_mesh(read(source(&bytes), &OPTIONS));
             assert_eq!((after.face_count(), &warnings[..]), (count, &[][..]));
             assert_eq!(back, provenance());
             for i in 0..count {
-                let ((corners, colors, alpha), after) = (face(&before, i), face(&after, i));
+                let (corners, colors, alpha) = face(&before, i);
+                let after = face(&after, i);
                 assert_eq!((corners, alpha), (after.0, after.2), "face {i}, {flags:04b}");
                 if per_face || !face_colors {
                     assert_eq!(colors, after.1, "face {i}, {flags:04b}");
@@ -40,7 +44,11 @@ fn every_kind_of_mesh_reads_back_as_it_looked() {
             }
             assert_eq!(matches!(after.colors, Colors::Face(_)), face_colors);
             let own = !indexed || !face_colors && (per_face || opacity);
-            assert_eq!(after.vertex_count(), if own { 3 * count } else { count + 2 }, "{flags:04b}");
+            assert_eq!(
+                after.vertex_count(),
+                if own { 3 * count } else { count + 2 },
+                "{flags:04b}"
+            );
             assert_eq!(after.indices.is_empty(), own, "{flags:04b}");
         }
     }
@@ -60,12 +68,18 @@ fn different_corner_colors_become_their_mean_at_the_face() {
 
 /// A triangle whose color properties are given.
 fn triangle(at_vertex: &[&str], vertex: &[Cell], at_face: &[&str], face: &[Cell]) -> [Element; 2] {
-    let corner = |x: f32, y: f32| [&[Cell::F32(x), Cell::F32(y), Cell::F32(0.0)][..], vertex].concat();
+    let corner =
+        |x: f32, y: f32| [&[Cell::F32(x), Cell::F32(y), Cell::F32(0.0)][..], vertex].concat();
     let vertices = vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0)];
-    let mut faces = vec![[&[Cell::U8(3), Cell::U32(0), Cell::U32(1), Cell::U32(2)][..], face].concat()];
+    let mut faces =
+        vec![[&[Cell::U8(3), Cell::U32(0), Cell::U32(1), Cell::U32(2)][..], face].concat()];
     faces.push(faces[0].clone());
     [
-        Element::new("vertex", &[&["float x", "float y", "float z"][..], at_vertex].concat(), vertices),
+        Element::new(
+            "vertex",
+            &[&["float x", "float y", "float z"][..], at_vertex].concat(),
+            vertices,
+        ),
         Element::new("face", &[&["list uchar uint vertex_index"][..], at_face].concat(), faces),
     ]
 }
@@ -82,21 +96,32 @@ fn colors_of_every_type_and_name_are_understood() {
         ("double", |c| Cell::F64(f64::from(c) / 255.0)),
     ];
     let names = [["red", "green", "blue", "alpha"], ["r", "g", "b", "a"]];
-    let names = names.into_iter().chain([["diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha"]]);
+    let names = names.into_iter().chain([[
+        "diffuse_red",
+        "diffuse_green",
+        "diffuse_blue",
+        "diffuse_alpha",
+    ]]);
     for (names, (kind, cell)) in names.flat_map(|n| kinds.map(|k| (n, k))) {
         for encoding in ENCODINGS {
-            for (with_alpha, at_face) in [(false, false), (false, true), (true, false), (true, true)] {
+            for (with_alpha, at_face) in
+                [(false, false), (false, true), (true, false), (true, true)]
+            {
                 let count = if with_alpha { 4 } else { 3 };
-                let properties = names[..count].iter().map(|n| format!("{kind} {n}")).collect::<Vec<_>>();
+                let properties =
+                    names[..count].iter().map(|n| format!("{kind} {n}")).collect::<Vec<_>>();
                 let properties: Vec<&str> = properties.iter().map(String::as_str).collect();
-                let cells: Vec<Cell> = code.into_iter().chain([102]).take(count).map(cell).collect();
+                let cells: Vec<Cell> =
+                    code.into_iter().chain([102]).take(count).map(cell).collect();
                 let elements = match at_face {
                     true => triangle(&[], &[], &properties, &cells),
                     false => triangle(&properties, &cells, &[], &[]),
                 };
-                let (mesh, _, warnings) = loaded_mesh(read(source(&ply(encoding, &elements)), &OPTIONS));
+                let (mesh, _, warnings) =
+                    loaded_mesh(read(source(&ply(encoding, &elements)), &OPTIONS));
                 assert_eq!(warnings, [""; 0]);
-                for (got, wanted) in mesh.corner_colors(1).concat().iter().zip([wanted; 3].concat()) {
+                for (got, wanted) in mesh.corner_colors(1).concat().iter().zip([wanted; 3].concat())
+                {
                     assert!((got - wanted).abs() < 1e-6, "{kind} {names:?}: {got} for {wanted}");
                 }
                 assert_eq!(mesh.opacity.len(), if with_alpha { 2 } else { 0 });
@@ -131,7 +156,8 @@ fn guesses_are_warnings() {
         (triangle(&red, &[Cell::F32(0.0); 3], &red, &[Cell::F32(1.0); 3]), "both", [0.0; 3]),
     ];
     for (elements, says, color) in cases {
-        let (mesh, _, warnings) = loaded_mesh(read(source(&ply(Encoding::Little, &elements)), &OPTIONS));
+        let (mesh, _, warnings) =
+            loaded_mesh(read(source(&ply(Encoding::Little, &elements)), &OPTIONS));
         assert!(warnings.len() == 1 && warnings[0].contains(says), "{warnings:?}");
         assert_eq!(mesh.corner_colors(1), [color; 3]);
     }
@@ -142,13 +168,16 @@ fn polygons(at_vertex: &[(&str, Cell)], at_face: &[&str], colors: &[[u8; 4]; 4])
     let place = |x: f32, y: f32| {
         [x, y, 0.0].map(Cell::F32).into_iter().chain(at_vertex.iter().map(|(_, c)| *c)).collect()
     };
-    let vertices = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0), (1.0, 0.5)].map(|(x, y)| place(x, y));
-    let names: Vec<&str> =
-        ["float x", "float y", "float z"].into_iter().chain(at_vertex.iter().map(|v| v.0)).collect();
+    let vertices =
+        [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0), (1.0, 0.5)].map(|(x, y)| place(x, y));
+    let names: Vec<&str> = ["float x", "float y", "float z"]
+        .into_iter()
+        .chain(at_vertex.iter().map(|v| v.0))
+        .collect();
     let corners: [&[i32]; 4] = [&[0, 1, 2], &[0, 4, 1, 2, 3], &[0, 1, 3], &[0, 1, 2, 3]];
     let row = |(corners, color): (&&[i32], &[u8; 4])| {
-        let list =
-            std::iter::once(Cell::U8(corners.len() as u8)).chain(corners.iter().map(|c| Cell::I32(*c)));
+        let list = std::iter::once(Cell::U8(corners.len() as u8))
+            .chain(corners.iter().map(|c| Cell::I32(*c)));
         let color = color.iter().take(at_face.len()).map(|c| Cell::U8(*c));
         list.chain(color).collect::<Vec<Cell>>()
     };
@@ -168,11 +197,16 @@ fn polygons_become_triangles_with_the_colors_of_their_face() {
             if flipped {
                 elements.reverse();
             }
-            let (mesh, _, warnings) = loaded_mesh(read(source(&ply(encoding, &elements)), &OPTIONS));
+            let (mesh, _, warnings) =
+                loaded_mesh(read(source(&ply(encoding, &elements)), &OPTIONS));
             assert_eq!((mesh.face_count(), warnings.len()), (7, 0), "{encoding:?}");
             let of_face = [0, 1, 1, 1, 2, 3, 3];
             for (triangle, face) in of_face.into_iter().enumerate() {
-                assert_eq!(mesh.corner_colors(triangle)[0], linear(colors[face]), "{encoding:?}: {triangle}");
+                assert_eq!(
+                    mesh.corner_colors(triangle)[0],
+                    linear(colors[face]),
+                    "{encoding:?}: {triangle}"
+                );
                 assert_eq!(mesh.opacity[triangle], f32::from(colors[face][3]) / 255.0);
             }
             let doubled: Vec<f32> = (0..7)
@@ -193,11 +227,16 @@ fn polygons_become_triangles_with_the_colors_of_their_face() {
 
 #[test]
 fn polygons_share_the_colors_of_their_vertices() {
-    let red = [("uchar red", Cell::U8(255)), ("uchar green", Cell::U8(0)), ("uchar blue", Cell::U8(0))];
+    let red =
+        [("uchar red", Cell::U8(255)), ("uchar green", Cell::U8(0)), ("uchar blue", Cell::U8(0))];
     for encoding in ENCODINGS {
         let (mesh, ..) =
             loaded_mesh(read(source(&ply(encoding, &polygons(&red, &[], &[[0; 4]; 4]))), &OPTIONS));
-        assert_eq!((mesh.face_count(), mesh.vertex_count(), mesh.opacity.len()), (7, 5, 0), "{encoding:?}");
+        assert_eq!(
+            (mesh.face_count(), mesh.vertex_count(), mesh.opacity.len()),
+            (7, 5, 0),
+            "{encoding:?}"
+        );
         assert_eq!(mesh.corner_colors(6), [[1.0, 0.0, 0.0]; 3]);
     }
 }
@@ -207,7 +246,8 @@ fn damaged_polygons_are_named() {
     for encoding in ENCODINGS {
         let mut elements = polygons(&[], &[], &[[0; 4]; 4]);
         elements[1].rows[1][4] = Cell::I32(5);
-        let message = read(source(&ply(encoding, &elements)), &OPTIONS).expect_err("no vertex 5").to_string();
+        let message =
+            read(source(&ply(encoding, &elements)), &OPTIONS).expect_err("no vertex 5").to_string();
         assert!(
             message.contains("face 1: names vertex 5, but there are 5 vertices"),
             "{encoding:?}: {message}"

@@ -28,22 +28,26 @@ fn table() -> Vec<Row> {
     ]
 }
 
-const OFF: &str = "COFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n1 1 0.5\n3 0 1 2 255 0 10 255\n3 2 1 3 1 2 3 102\n";
+const OFF: &str =
+    "COFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n1 1 0.5\n3 0 1 2 255 0 10 255\n3 2 1 3 1 2 3 102\n";
 const OBJ: &str = "# a square\nmtllib a.mtl\no square\nv 0 0 0 0.5 0.2 1\nv 1 0 0 0 0 1\nv 0 1 0 1 1 1\n\
                    v 1 1 0 0 0 0\nvt 0 0\nvn 0 0 1\nusemtl a\nf 1/1/1 2//1 3\nf -1 -2 -3\nl 1 2\n";
 
 /// A concave polygon, a square and a triangle.
-const POLYGONS: &str = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 1 0.5 0\nv 0 2 0\nf 1 2 3 4 5\nf 1 2 3 5\nf 3 4 5\n";
+const POLYGONS: &str =
+    "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 1 0.5 0\nv 0 2 0\nf 1 2 3 4 5\nf 1 2 3 5\nf 3 4 5\n";
 
 /// The same as PLY, with a colour per face.
 fn polygon_ply() -> Vec<u8> {
     let mut text = String::from("ply\nformat binary_little_endian 1.0\nelement vertex 5\n");
     ["x", "y", "z"].iter().for_each(|axis| text += &format!("property float {axis}\n"));
     text += "element face 3\nproperty list uchar ushort vertex_index\n";
-    ["red", "green", "blue"].iter().for_each(|channel| text += &format!("property uchar {channel}\n"));
+    ["red", "green", "blue"]
+        .iter()
+        .for_each(|channel| text += &format!("property uchar {channel}\n"));
     let mut bytes = (text + "end_header\n").into_bytes();
-    for x in
-        [[0f32, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0], [1.0, 0.5, 0.0], [0.0, 2.0, 0.0]].as_flattened()
+    for x in [[0f32, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0], [1.0, 0.5, 0.0], [0.0, 2.0, 0.0]]
+        .as_flattened()
     {
         bytes.extend(x.to_le_bytes());
     }
@@ -58,7 +62,9 @@ fn polygon_ply() -> Vec<u8> {
 fn soup(degree: u8) -> Soup {
     let k = (degree as usize + 1).pow(2);
     Soup {
-        vertices: (0..3).map(|i| [0, 1, 2].map(|c| glam::Vec3::new(i as f32, c as f32, 0.5))).collect(),
+        vertices: (0..3)
+            .map(|i| [0, 1, 2].map(|c| glam::Vec3::new(i as f32, c as f32, 0.5)))
+            .collect(),
         opacity: vec![0.25, 0.5, 1.0],
         sigma: vec![0.01, 1.16, 3.0],
         sh: (0..3 * k).map(|i| [i as f32 * 0.1, -0.2, 1.0]).collect(),
@@ -75,7 +81,8 @@ fn soup_ply(degree: u8) -> Vec<u8> {
 
 fn ascii_soup_ply() -> String {
     let mut text = String::from("ply\nformat ascii 1.0\nelement vertex 4\n");
-    text += "property float x\nproperty float y\nproperty double z\nelement edge 1\nproperty int a\n";
+    text +=
+        "property float x\nproperty float y\nproperty double z\nelement edge 1\nproperty int a\n";
     text += "property list uchar int b\nelement face 2\nproperty list uchar int vertex_indices\n";
     for name in ["opacity", "sigma", "f_dc_0", "f_dc_1", "f_dc_2"] {
         text += &format!("property float {name}\n");
@@ -145,7 +152,9 @@ fn survive(row: &Row, bytes: &[u8], sh_degree: u8) {
             };
             assert!(proof.is_ok() && scene.triangle_count() > 0, "{name}: {proof:?}");
         }
-        Err(error @ (Error::Malformed { .. } | Error::Unsupported { .. } | Error::Limit { .. })) => {
+        Err(
+            error @ (Error::Malformed { .. } | Error::Unsupported { .. } | Error::Limit { .. }),
+        ) => {
             let message = error.to_string();
             assert!(message.starts_with("mutant: ") && message.len() < 500, "{name}: {message}");
         }

@@ -15,7 +15,8 @@ use trisplat_scene::{
 const OPTIONS: ReadOptions = ReadOptions::with_degree(0);
 
 fn written(mesh: &Mesh) -> (String, String) {
-    let (mut obj, mut mtl) = (Vec::new(), Vec::new());
+    let mut obj = Vec::new();
+    let mut mtl = Vec::new();
     let asset = Asset { mesh: mesh.clone(), provenance: provenance(), ..Asset::default() };
     write(&mut obj, &mut mtl, "scene.mtl", None, &asset).expect("writes to memory");
     (String::from_utf8(obj).expect("text"), String::from_utf8(mtl).expect("text"))
@@ -34,8 +35,10 @@ fn judged(obj: &str) -> Vec<([f32; 9], [f32; 9])> {
             let all = corners.iter().flat_map(|v| of_corner(values, *v)).collect::<Vec<f32>>();
             <[f32; 9]>::try_from(all).expect("three corners")
         };
-        let pairs =
-            mesh.indices.chunks_exact(3).map(|c| (gather(&mesh.positions, c), gather(&mesh.vertex_color, c)));
+        let pairs = mesh
+            .indices
+            .chunks_exact(3)
+            .map(|c| (gather(&mesh.positions, c), gather(&mesh.vertex_color, c)));
         pairs.collect::<Vec<_>>()
     };
     models.iter().flat_map(|model| faces(&model.mesh)).collect()
@@ -63,7 +66,10 @@ fn every_kind_of_mesh_reads_back_as_it_looked_here_and_in_tobj() {
                 assert_eq!(face(&before, i), face(&after, i));
                 let wanted = flat(&before, i);
                 assert_eq!(corners, wanted.0);
-                assert!(colors.iter().zip(wanted.1).all(|(a, b)| (a - b).abs() < 1e-6), "{colors:?}");
+                assert!(
+                    colors.iter().zip(wanted.1).all(|(a, b)| (a - b).abs() < 1e-6),
+                    "{colors:?}"
+                );
                 // Exactly the 8-bit codes that the colours came from.
                 assert!(colors.iter().all(|c| *c == (c * 255.0).round() / 255.0), "{colors:?}");
             }
@@ -72,7 +78,9 @@ fn every_kind_of_mesh_reads_back_as_it_looked_here_and_in_tobj() {
             assert_eq!(after.indices.is_empty(), own);
             assert!(obj.contains("\nmtllib scene.mtl\n") && obj.contains("\nusemtl trisplat\n"));
             assert!(
-                mtl.contains("newmtl trisplat\n") && mtl.contains("\nillum 0\n") && mtl.contains("Kd 1 1 1")
+                mtl.contains("newmtl trisplat\n")
+                    && mtl.contains("\nillum 0\n")
+                    && mtl.contains("Kd 1 1 1")
             );
         }
     }
@@ -85,7 +93,8 @@ fn colors_between_the_codes_stay_between_them() {
     before.colors = Colors::Vertex(colors);
     let (after, ..) = loaded_mesh(read(source(written(&before).0.as_bytes()), &OPTIONS));
     for i in 0..1000 {
-        let (a, b) = (before.corner_colors(i).concat(), after.corner_colors(i).concat());
+        let a = before.corner_colors(i).concat();
+        let b = after.corner_colors(i).concat();
         assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 2e-6), "{a:?} {b:?}");
     }
 }
@@ -118,9 +127,15 @@ fn vertices_without_a_color_do_not_shift_the_others() {
     let text = "v 0 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1\nv 1 1 0 0 1 0\nf 1 2 3\nf 2 3 4\n";
     let (mesh, _, warnings) = loaded_mesh(read(source(text.as_bytes()), &OPTIONS));
     assert!(warnings.len() == 1 && warnings[0].contains("2 vertices"), "{warnings:?}");
-    let (white, red, green) = ([1.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
-    assert_eq!([mesh.corner_colors(0), mesh.corner_colors(1)], [[white, red, white], [red, white, green]]);
-    let (mesh, _, warnings) = loaded_mesh(read(source(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3"), &OPTIONS));
+    let white = [1.0; 3];
+    let red = [1.0, 0.0, 0.0];
+    let green = [0.0, 1.0, 0.0];
+    assert_eq!(
+        [mesh.corner_colors(0), mesh.corner_colors(1)],
+        [[white, red, white], [red, white, green]]
+    );
+    let (mesh, _, warnings) =
+        loaded_mesh(read(source(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3"), &OPTIONS));
     assert_eq!((mesh.corner_colors(0), warnings.len()), ([white; 3], 1));
 }
 
@@ -152,9 +167,10 @@ fn polygons_become_triangles_of_the_same_outline() {
         ("f 1 7 2 3 6\n", vec![3.0]),
         ("f 1 2 3\nf 1 2 3 4 5 6\nf -4 -3 -2\n", vec![1.0, 3.0, 0.5]),
     ] {
-        for text in
-            [format!("{vertices}{faces}"), format!("{faces}{vertices}").replace("f -4 -3 -2", "f 4 5 6")]
-        {
+        for text in [
+            format!("{vertices}{faces}"),
+            format!("{faces}{vertices}").replace("f -4 -3 -2", "f 4 5 6"),
+        ] {
             let (mesh, ..) = loaded_mesh(read(source(text.as_bytes()), &OPTIONS));
             let doubled: Vec<f32> = (0..mesh.face_count())
                 .map(|face| {
@@ -167,7 +183,11 @@ fn polygons_become_triangles_of_the_same_outline() {
                 doubled.iter().all(|area| area * sign >= 0.0),
                 "{text}: no triangle is turned over: {doubled:?}"
             );
-            assert_eq!(doubled.iter().sum::<f32>(), 2.0 * areas.iter().sum::<f32>(), "{text}: {doubled:?}");
+            assert_eq!(
+                doubled.iter().sum::<f32>(),
+                2.0 * areas.iter().sum::<f32>(),
+                "{text}: {doubled:?}"
+            );
         }
     }
 }
@@ -178,8 +198,8 @@ fn polygons_anywhere_in_space_keep_their_outline_and_colors() {
     let corners = 2 * 9;
     let turn = glam::Quat::from_euler(glam::EulerRot::XYZ, 0.3, 1.2, -0.7);
     let place = |i: usize| {
-        let (angle, radius) =
-            (std::f32::consts::TAU * i as f32 / corners as f32, if i.is_multiple_of(2) { 2.0 } else { 0.7 });
+        let angle = std::f32::consts::TAU * i as f32 / corners as f32;
+        let radius = if i.is_multiple_of(2) { 2.0 } else { 0.7 };
         turn * glam::Vec3::new(radius * angle.cos(), radius * angle.sin(), 0.0)
             + glam::Vec3::new(300.0, -40.0, 7.0)
     };
@@ -217,7 +237,9 @@ fn a_name_that_an_obj_cannot_hold_is_refused_and_nothing_is_written() {
             &trisplat_formats::OutputOptions::default(),
         )
     };
-    for name in ["a\nv 9 9 9.obj", "a\rv 9 9 9.obj", "a\u{2028}v 9 9 9.obj", "a\u{85}b.obj", " a.obj"] {
+    for name in
+        ["a\nv 9 9 9.obj", "a\rv 9 9 9.obj", "a\u{2028}v 9 9 9.obj", "a\u{85}b.obj", " a.obj"]
+    {
         let error = write(name).expect_err(name).to_string();
         assert!(error.contains("OBJ cannot quote the name of its .mtl"), "{error}");
     }

@@ -8,7 +8,8 @@ use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
 
 fn mesh(text: &str) -> (Mesh, Vec<String>) {
-    let (mesh, _, warnings) = loaded_mesh(read(source(text.as_bytes()), &ReadOptions::with_degree(0)));
+    let (mesh, _, warnings) =
+        loaded_mesh(read(source(text.as_bytes()), &ReadOptions::with_degree(0)));
     (mesh, warnings)
 }
 
@@ -18,12 +19,16 @@ fn gray(code: f32) -> [f32; 3] {
 
 #[test]
 fn the_exporters_layout_keeps_its_shared_vertices() {
-    let (mesh, warnings) =
-        mesh("COFF\n4 2 0\n0 0 0\n1 0 0\n0 1.5 0\n1e0 1 -.5\n3 0 1 2 255 128 0 255\n3 2 1 3 1 2 3 255\n");
+    let (mesh, warnings) = mesh(
+        "COFF\n4 2 0\n0 0 0\n1 0 0\n0 1.5 0\n1e0 1 -.5\n3 0 1 2 255 128 0 255\n3 2 1 3 1 2 3 255\n",
+    );
     assert_eq!(mesh.positions[2..], [Vec3::new(0.0, 1.5, 0.0), Vec3::new(1.0, 1.0, -0.5)]);
     assert_eq!(mesh.indices, [0, 1, 2, 2, 1, 3]);
     let codes = [[255.0, 128.0, 0.0], [1.0, 2.0, 3.0f32]];
-    assert_eq!(mesh.colors, Colors::Face(codes.map(|c| c.map(|x| linear_from_srgb(x / 255.0))).to_vec()));
+    assert_eq!(
+        mesh.colors,
+        Colors::Face(codes.map(|c| c.map(|x| linear_from_srgb(x / 255.0))).to_vec())
+    );
     assert_eq!((mesh.opacity.len(), warnings.len()), (0, 0));
 }
 
@@ -37,7 +42,10 @@ fn dialects_are_understood() {
         (format!("OFF\n3 1 0\n{corners}3 0 1 2 51 51 51\n"), &face),
         (format!("OFF 3 1 0\n{corners}3 0 1 2 51 51 51"), &face),
         (format!("\u{feff}OFF\n3 1\n{corners}3 0 1 2 0.2 0.2 0.2\n"), &face),
-        (format!("# hi\n\nCOFF # x\n\n3 1 0 # y\r\n{corners}\n3 0 1 2 51 51 51 255 # z\n\nrest"), &face),
+        (
+            format!("# hi\n\nCOFF # x\n\n3 1 0 # y\r\n{corners}\n3 0 1 2 51 51 51 255 # z\n\nrest"),
+            &face,
+        ),
         (format!("COFF\n3 1 3\n{painted}3 0 1 2\n"), &vertex),
     ];
     for (text, colors) in cases {

@@ -52,7 +52,10 @@ fn pages_are_the_same_bytes_on_any_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     let bytes = ["1", "3"].map(|threads| {
         let path = folder.path().join("scene.html");
-        bake(&path, &["--threads", threads, "--preset", "fast", "--set", "chunk_triangles=500", "--force"]);
+        bake(
+            &path,
+            &["--threads", threads, "--preset", "fast", "--set", "chunk_triangles=500", "--force"],
+        );
         std::fs::read(path).unwrap()
     });
     assert!(bytes[0] == bytes[1]);
@@ -95,7 +98,10 @@ fn damaged_and_foreign_pages_fail_with_their_place() {
     for cut in (start..page.len() - 200).step_by(page.len() / 97).chain([start + 8, start + 9]) {
         std::fs::write(&path, &page[..cut]).unwrap();
         let error = read(&path, &ReadOptions::with_degree(0)).unwrap_err().to_string();
-        assert!(error.contains("cut short") || error.contains("page without a scene"), "{cut}: {error}");
+        assert!(
+            error.contains("cut short") || error.contains("page without a scene"),
+            "{cut}: {error}"
+        );
     }
     let mut spoilt = page.clone();
     spoilt[page.len() - 20_000] = b'%';

@@ -15,7 +15,8 @@ const TEXELS: [[u8; 3]; 4] = [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255; 3]];
 fn folder(files: &[(&str, &str)]) -> TempDir {
     let folder = TempDir::new().expect("a folder");
     let picture = RgbImage { size: UVec2::splat(2), rgb: TEXELS.to_vec(), alpha: None };
-    fs::write(folder.path().join("my col.png"), picture.to_png().expect("a picture")).expect("written");
+    fs::write(folder.path().join("my col.png"), picture.to_png().expect("a picture"))
+        .expect("written");
     for (name, text) in files {
         fs::write(folder.path().join(name), text).expect("written");
     }
@@ -35,7 +36,8 @@ fn mesh(loaded: &ImportedScene) -> &Mesh {
 
 /// The colour at a corner of a face.
 fn at_corner(loaded: &ImportedScene, face: usize, corner: usize) -> Vec3 {
-    let texture = mesh(loaded).texture.as_ref().unwrap_or_else(|| panic!("kept: {:?}", loaded.warnings));
+    let texture =
+        mesh(loaded).texture.as_ref().unwrap_or_else(|| panic!("kept: {:?}", loaded.warnings));
     Vec3::from(texture.texture(face).sample(texture.uvs[face][corner], 0.0))
 }
 
@@ -45,7 +47,11 @@ fn is_upright(loaded: &ImportedScene) {
     let wanted = [Vec3::Z, Vec3::ONE, Vec3::Y];
     for (corner, wanted) in wanted.into_iter().enumerate() {
         let seen = at_corner(loaded, 0, corner);
-        assert!((seen - wanted).abs().max_element() < 0.01, "corner {corner}: {seen}, {:?}", loaded.warnings);
+        assert!(
+            (seen - wanted).abs().max_element() < 0.01,
+            "corner {corner}: {seen}, {:?}",
+            loaded.warnings
+        );
     }
 }
 
@@ -80,10 +86,15 @@ fn names_that_no_library_has_cost_little_time_and_few_words() {
     let began = std::time::Instant::now();
     let loaded = read(&folder, "a.obj");
     assert!(began.elapsed().as_secs() < 10, "{:?}", began.elapsed());
-    let warning = loaded.warnings.iter().find(|warning| warning.contains("no library has")).expect("said");
+    let warning =
+        loaded.warnings.iter().find(|warning| warning.contains("no library has")).expect("said");
     assert!(warning.contains("Unknown6 and 59993 more") && warning.len() < 300, "{warning}");
     let Colors::Face(colors) = &mesh(&loaded).colors else { panic!("{:?}", loaded.warnings) };
-    assert_eq!((colors[2], colors[3]), ([1.0, 0.0, 0.0], [1.0; 3]), "a name in another case is found");
+    assert_eq!(
+        (colors[2], colors[3]),
+        ([1.0, 0.0, 0.0], [1.0; 3]),
+        "a name in another case is found"
+    );
 }
 
 /// One line names as many libraries as fit in it.
@@ -161,7 +172,11 @@ fn what_is_lost_is_named() {
         assert!(named, "{words:?}: {:?}", loaded.warnings);
     };
     let obj = format!("mtllib a.mtl\n{SQUARE}");
-    lost(&[("a.mtl", "newmtl other\nKd 1 0 0\n"), ("s.obj", &obj)], "s.obj", &["no library has", "m"]);
+    lost(
+        &[("a.mtl", "newmtl other\nKd 1 0 0\n"), ("s.obj", &obj)],
+        "s.obj",
+        &["no library has", "m"],
+    );
     lost(
         &[("a.mtl", "newmtl m\nmap_Kd gone.png\n"), ("s.obj", &obj)],
         "s.obj",
@@ -187,7 +202,8 @@ fn what_is_lost_is_named() {
 
 fn square_ply(comments: &str, vertex: &str, face: &str, rows: [&str; 4], faces: &[&str]) -> String {
     let vertices = ["0 0 0", "1 0 0", "1 1 0", "0 1 0"];
-    let vertices: Vec<String> = vertices.iter().zip(rows).map(|(at, row)| format!("{at} {row}")).collect();
+    let vertices: Vec<String> =
+        vertices.iter().zip(rows).map(|(at, row)| format!("{at} {row}")).collect();
     format!(
         "ply\nformat ascii 1.0\n{comments}element vertex 4\nproperty float x\nproperty float y\nproperty float z\n{vertex}element face {}\n\
          property list uchar int vertex_indices\n{face}end_header\n{}\n{}\n",
@@ -206,7 +222,13 @@ fn a_ply_has_its_picture_by_vertex_or_by_corner() {
     let lists = "property list uchar float texcoord\n";
     let pages = "comment TextureFile gone.png\ncomment TextureFile my col.png\n";
     for text in [
-        square_ply(file, "property float s\nproperty float t\n", "", places, &["3 0 1 2", "3 0 2 3"]),
+        square_ply(
+            file,
+            "property float s\nproperty float t\n",
+            "",
+            places,
+            &["3 0 1 2", "3 0 2 3"],
+        ),
         square_ply(file, "property float u\nproperty float v\n", "", places, &["4 0 1 2 3"]),
         square_ply(
             file,
@@ -231,14 +253,21 @@ fn a_ply_has_its_picture_by_vertex_or_by_corner() {
 
 #[test]
 fn alpha_of_scanners_removes_no_faces() {
-    let channels = "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n";
+    let channels =
+        "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n";
     let of = |alpha: [u8; 4]| {
         let rows = alpha.map(|alpha| format!("200 100 50 {alpha}"));
         let [a, b, c, d] = &rows;
-        read(&folder(&[("a.ply", &square_ply("", channels, "", [a, b, c, d], &["4 0 1 2 3"]))]), "a.ply")
+        read(
+            &folder(&[("a.ply", &square_ply("", channels, "", [a, b, c, d], &["4 0 1 2 3"]))]),
+            "a.ply",
+        )
     };
     let nowhere = of([0; 4]);
-    assert!(mesh(&nowhere).opacity.is_empty() && nowhere.warnings.iter().any(|w| w.contains("alpha is 0")));
+    assert!(
+        mesh(&nowhere).opacity.is_empty()
+            && nowhere.warnings.iter().any(|w| w.contains("alpha is 0"))
+    );
     for alpha in [[0, 255, 255, 255], [255, 0, 255, 0]] {
         assert!(mesh(&of(alpha)).opacity.iter().all(|o| *o == 1.0), "{alpha:?}");
     }

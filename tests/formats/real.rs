@@ -8,7 +8,9 @@ const OPTIONS: ReadOptions = ReadOptions::with_degree(0);
 
 #[test]
 fn ply_and_off_of_the_guitar_agree() {
-    let (Some(from), Some(twin)) = (shared("guitar_tri.ply"), shared("guitar_tri.off")) else { return };
+    let (Some(from), Some(twin)) = (shared("guitar_tri.ply"), shared("guitar_tri.off")) else {
+        return;
+    };
     let (mesh, _, warnings) = loaded_mesh(ply::read(from, &OPTIONS));
     let (twin, _, twin_warnings) = loaded_mesh(off::read(twin, &OPTIONS));
     assert_eq!((mesh.face_count(), twin.face_count()), (75_057, 75_057));
@@ -18,7 +20,8 @@ fn ply_and_off_of_the_guitar_agree() {
     assert!(hint.contains("if guitar_20k.pt beside it is of the same training"), "{hint}");
     assert_eq!((mesh.indices.len(), mesh.opacity.len(), twin.opacity.len()), (0, 75_057, 0));
     for i in 0..mesh.face_count() {
-        let ((a, colors, _), (b, twin_colors, _)) = (face(&mesh, i), face(&twin, i));
+        let (a, colors, _) = face(&mesh, i);
+        let (b, twin_colors, _) = face(&twin, i);
         for (a, b) in a.iter().zip(b) {
             assert!((*a - b).length() <= 1e-6 * b.length().max(1.0), "face {i}: {a} and {b}");
         }

@@ -1,6 +1,8 @@
 //! The soup PLY.
 
-use super::files::{Cell, ENCODINGS, Element, Encoding, ply, provenance, soup, soup_elements, source};
+use super::files::{
+    Cell, ENCODINGS, Element, Encoding, ply, provenance, soup, soup_elements, source,
+};
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat_formats::{
     ReadOptions, Source,
@@ -32,7 +34,11 @@ fn every_degree_reads_back_bit_equal() {
             for lower in 0..degree {
                 let mut cut = soup.clone();
                 cut.truncate_sh(lower);
-                assert_eq!(read_soup(source(&bytes), lower), cut, "degree {degree} read up to {lower}");
+                assert_eq!(
+                    read_soup(source(&bytes), lower),
+                    cut,
+                    "degree {degree} read up to {lower}"
+                );
             }
         }
     }
@@ -66,7 +72,8 @@ fn cameras_read_back_bit_equal() {
         size: UVec2::new(640, 480 + i as u32),
     };
     let cameras: Vec<Camera> = (0..20_000).map(camera).collect();
-    let (soup, mut bytes) = (soup(100, 1, 3), Vec::new());
+    let soup = soup(100, 1, 3);
+    let mut bytes = Vec::new();
     write_soup(&mut bytes, &soup, &provenance(), &cameras).expect("writes to memory");
     let loaded = read(source(&bytes), &ReadOptions::with_degree(3)).expect("valid");
     assert_eq!((loaded.scene, loaded.provenance), (Scene::Soup(soup), provenance()));
@@ -131,7 +138,8 @@ fn order_types_and_unknown_properties_do_not_matter() {
         }
         let rows = (0..20).map(|i| vec![Cell::U8(i), Cell::U32(9)]).collect();
         let camera = Element::new("camera", &["uchar a", "uint b"], rows);
-        let rows = (0..3).map(|i| [vec![Cell::U8(i)], vec![Cell::U32(1); i as usize]].concat()).collect();
+        let rows =
+            (0..3).map(|i| [vec![Cell::U8(i)], vec![Cell::U32(1); i as usize]].concat()).collect();
         let strips = Element::new("edges", &["list uchar uint vertex_indices"], rows);
         let empty = Element::new("nothing", &[], vec![Vec::new(); 5]);
         let bytes = ply(encoding, &[camera, empty, faces, strips, vertices]);
@@ -158,8 +166,16 @@ fn shared_and_shuffled_vertices_are_unshared() {
     }
     for encoding in ENCODINGS {
         let elements = [
-            Element { name: "vertex", properties: vertices.properties.clone(), rows: vertices.rows.clone() },
-            Element { name: "face", properties: faces.properties.clone(), rows: faces.rows.clone() },
+            Element {
+                name: "vertex",
+                properties: vertices.properties.clone(),
+                rows: vertices.rows.clone(),
+            },
+            Element {
+                name: "face",
+                properties: faces.properties.clone(),
+                rows: faces.rows.clone(),
+            },
         ];
         assert_eq!(read_soup(source(&ply(encoding, &elements)), 0), soup, "{encoding:?}");
     }
@@ -179,8 +195,8 @@ fn line_ends_of_any_system_and_obj_info_are_fine() {
     for encoding in ENCODINGS {
         let bytes = ply(encoding, &soup_elements(&soup));
         let end = bytes.windows(11).position(|w| w == b"end_header\n").expect("a header") + 11;
-        let header =
-            String::from_utf8_lossy(&bytes[..end]).replace("element vertex", "obj_info x\n\nelement vertex");
+        let header = String::from_utf8_lossy(&bytes[..end])
+            .replace("element vertex", "obj_info x\n\nelement vertex");
         let crlf = [header.replace('\n', "\r\n").as_bytes(), &bytes[end..]].concat();
         assert_eq!(read_soup(source(&crlf), 0), soup, "{encoding:?}");
     }

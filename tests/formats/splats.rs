@@ -10,7 +10,12 @@ fn options() -> ReadOptions {
     ReadOptions::with_degree(3)
 }
 
-fn read_in(folder: &Path, name: &str, bytes: &[u8], options: &ReadOptions) -> Result<ImportedSplats> {
+fn read_in(
+    folder: &Path,
+    name: &str,
+    bytes: &[u8],
+    options: &ReadOptions,
+) -> Result<ImportedSplats> {
     let path = folder.join(name);
     std::fs::write(&path, bytes).expect("writable");
     match read_content(&path, options)? {
@@ -46,8 +51,8 @@ fn ply(names: &[String], kind: &str, rows: &[Vec<f64>]) -> Vec<u8> {
 }
 
 const PLAIN: [&str; 14] = [
-    "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0",
-    "rot_1", "rot_2", "rot_3",
+    "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2",
+    "rot_0", "rot_1", "rot_2", "rot_3",
 ];
 
 fn owned(names: &[&str]) -> Vec<String> {
@@ -65,14 +70,18 @@ fn a_ply_becomes_physical_numbers_in_any_order_of_properties() {
     let row = [plain_row(), (0..9).map(f64::from).collect()].concat();
     let turn = Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
     for reversed in [false, true] {
-        let (mut names, mut row) = (names.clone(), row.clone());
+        let mut names = names.clone();
+        let mut row = row.clone();
         if reversed {
             names.reverse();
             row.reverse();
         }
         let ImportedSplats { splats, warnings, .. } =
             read("a.ply", &ply(&names, "float", &[row])).expect("valid");
-        assert_eq!((splats.len(), splats.sh_degree, splats.positions[0]), (1, 1, Vec3::new(1.0, 2.0, 3.0)));
+        assert_eq!(
+            (splats.len(), splats.sh_degree, splats.positions[0]),
+            (1, 1, Vec3::new(1.0, 2.0, 3.0))
+        );
         assert!(close(splats.scales[0], Vec3::new(-1.0, -2.0, -3.0).exp(), 1e-6));
         assert!(same_turn(splats.rotations[0], turn, 1e-6), "{:?}", splats.rotations[0]);
         assert_eq!((splats.opacity[0], splats.filter), (0.5, ScreenFilter::DILATED));
@@ -84,7 +93,12 @@ fn a_ply_becomes_physical_numbers_in_any_order_of_properties() {
         );
     }
     let folder = tempfile::tempdir().expect("a folder");
-    let low = read_in(folder.path(), "a.ply", &ply(&names, "float", &[row]), &ReadOptions::with_degree(0));
+    let low = read_in(
+        folder.path(),
+        "a.ply",
+        &ply(&names, "float", &[row]),
+        &ReadOptions::with_degree(0),
+    );
     assert_eq!(low.expect("valid").splats.sh.len(), 4, "all degrees: they are drawn");
 }
 
@@ -116,7 +130,8 @@ fn gaussians_that_are_not_finite_are_dropped_and_counted() {
     let loaded = read("a.ply", &ply(&owned(&PLAIN), "float", &rows)).expect("two are left");
     assert_eq!(loaded.splats.len(), 2);
     assert_eq!(loaded.warnings, ["dropped 3 Gaussians with non-finite values (first: Gaussian 1)"]);
-    let error = read("a.ply", &ply(&owned(&PLAIN), "float", &rows[1..4])).expect_err("none are left");
+    let error =
+        read("a.ply", &ply(&owned(&PLAIN), "float", &rows[1..4])).expect_err("none are left");
     assert!(error.to_string().contains("none of the 3 Gaussians is finite"), "{error}");
 }
 
@@ -158,8 +173,12 @@ fn packed(colors: bool, sh: bool) -> Vec<u8> {
     }
     let mut out = (out + "end_header\n").into_bytes();
     numbers.iter().for_each(|number| out.extend(number.to_le_bytes()));
-    let words: [u32; 4] =
-        [7 << 21 | 5 << 11 | 9, 3 << 30 | 512 << 20 | 512 << 10 | 512, 2047 << 21 | 2047, 0xff_00_ff_33];
+    let words: [u32; 4] = [
+        7 << 21 | 5 << 11 | 9,
+        3 << 30 | 512 << 20 | 512 << 10 | 512,
+        2047 << 21 | 2047,
+        0xff_00_ff_33,
+    ];
     words.iter().for_each(|word| out.extend(word.to_le_bytes()));
     if sh {
         out.extend([0, 255, 128, 0, 0, 0, 255, 255, 255]);
@@ -197,9 +216,15 @@ fn a_splat_file_has_linear_scales_and_bytes_for_the_rest() {
     assert_eq!((loaded.len(), loaded.positions[1]), (2, Vec3::new(1.0, 2.0, 3.0)));
     assert!(close(loaded.scales[0], Vec3::new(0.1, 0.2, 0.3), 1e-7));
     let rgb = loaded.rgb(0);
-    assert!((rgb[0] - 1.0).abs() < 1e-6 && rgb[1].abs() < 1e-6 && (rgb[2] - 0.2).abs() < 1e-6, "{rgb:?}");
+    assert!(
+        (rgb[0] - 1.0).abs() < 1e-6 && rgb[1].abs() < 1e-6 && (rgb[2] - 0.2).abs() < 1e-6,
+        "{rgb:?}"
+    );
     assert!((loaded.opacity[0] - 0.4).abs() < 1e-6);
-    assert!(same_turn(loaded.rotations[0], Quat::from_xyzw(1.0, 0.0, 0.0, 0.0), 1e-5), "w comes first");
+    assert!(
+        same_turn(loaded.rotations[0], Quat::from_xyzw(1.0, 0.0, 0.0, 0.0), 1e-5),
+        "w comes first"
+    );
 }
 
 /// A version-2 or version-3 file of one Gaussian with SH degree 1.
@@ -239,10 +264,16 @@ fn spz_is_unpacked_in_its_own_frame_with_y_up() {
         assert_eq!(splats.positions[0], Vec3::new(-1.0, 1.5, 0.0));
         assert!(close(splats.scales[0], Vec3::new(1.0, (-1f32).exp(), (-2f32).exp()), 1e-6));
         assert!((splats.opacity[0] - 0.2).abs() < 1e-6);
-        assert!((splats.sh[0][0] - 0.5 / 0.15).abs() < 1e-5 && (splats.sh[0][1] + 0.5 / 0.15).abs() < 1e-5);
+        assert!(
+            (splats.sh[0][0] - 0.5 / 0.15).abs() < 1e-5
+                && (splats.sh[0][1] + 0.5 / 0.15).abs() < 1e-5
+        );
         assert_eq!(splats.sh[1], [0.0, -1.0, 0.5], "channels are innermost");
         assert!(same_turn(splats.rotations[0], turn, 1e-2), "{version}: {:?}", splats.rotations[0]);
-        assert_eq!((splats.filter, loaded.provenance.up), (ScreenFilter::ANTIALIASED, Some(UpAxis::Y)));
+        assert_eq!(
+            (splats.filter, loaded.provenance.up),
+            (ScreenFilter::ANTIALIASED, Some(UpAxis::Y))
+        );
     }
 }
 
@@ -250,13 +281,15 @@ fn spz_is_unpacked_in_its_own_frame_with_y_up() {
 fn spz4_bytes() -> Vec<u8> {
     let mut out = spz_bytes(3);
     let mut rest = out.split_off(16);
-    (out[4], out[15]) = (4, 6);
+    out[4] = 4;
+    out[15] = 6;
     out.extend(32u32.to_le_bytes());
     out.extend([0; 12]);
     let mut frames = Vec::new();
     for length in [9u8, 1, 3, 3, 4, 9] {
         let behind = rest.split_off(usize::from(length));
-        let frame = [&[0x28, 0xb5, 0x2f, 0xfd, 0x20, length, length << 3 | 1, 0, 0], &rest[..]].concat();
+        let frame =
+            [&[0x28, 0xb5, 0x2f, 0xfd, 0x20, length, length << 3 | 1, 0, 0], &rest[..]].concat();
         out.extend((frame.len() as u64).to_le_bytes());
         out.extend(u64::from(length).to_le_bytes());
         frames.extend(frame);
@@ -305,8 +338,8 @@ fn sog_bytes(label: u8) -> Vec<u8> {
     ];
     let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
     for (name, content) in files {
-        let stored =
-            zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+        let stored = zip::write::SimpleFileOptions::default()
+            .compression_method(zip::CompressionMethod::Stored);
         archive.start_file(name, stored).expect("an entry");
         archive.write_all(&content).expect("its bytes");
     }
@@ -319,8 +352,14 @@ fn sog_is_read_from_its_pictures_and_codebooks() {
     let wanted = Vec3::new(1f32.exp() - 1.0, 1.0 - 2f32.exp(), 0.0);
     assert!(close(splats.positions[0], wanted, 1e-5), "{:?}", splats.positions[0]);
     assert!(close(splats.scales[0], Vec3::new((-1f32).exp(), 1.0, (-1f32).exp()), 1e-6));
-    assert!(same_turn(splats.rotations[0], Quat::from_xyzw(1.0, 0.0, 0.0, 0.0), 1e-3), "the largest is x");
-    assert_eq!((splats.sh[0], splats.sh[3], splats.sh_degree), ([0.75, 0.0, 0.75], [-0.5, 0.0, 0.0], 1));
+    assert!(
+        same_turn(splats.rotations[0], Quat::from_xyzw(1.0, 0.0, 0.0, 0.0), 1e-3),
+        "the largest is x"
+    );
+    assert_eq!(
+        (splats.sh[0], splats.sh[3], splats.sh_degree),
+        ([0.75, 0.0, 0.75], [-0.5, 0.0, 0.0], 1)
+    );
     assert!((splats.opacity[0] - 0.2).abs() < 1e-6);
     let error = read("a.sog", &sog_bytes(64)).expect_err("a list that is not there").to_string();
     assert!(error.contains("labels.webp") && error.contains("Gaussian 0"), "{error}");
@@ -340,24 +379,33 @@ fn glb(node: &str, edit: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
         vec![7.0, 8.0, 9.0],
     ];
     let names = [
-        "ROTATION", "SCALE", "OPACITY", "SH_DEGREE_0_COEF_0", "SH_DEGREE_1_COEF_0", "SH_DEGREE_1_COEF_1",
+        "ROTATION",
+        "SCALE",
+        "OPACITY",
+        "SH_DEGREE_0_COEF_0",
+        "SH_DEGREE_1_COEF_0",
+        "SH_DEGREE_1_COEF_1",
         "SH_DEGREE_1_COEF_2",
     ];
     let mut attributes = serde_json::json!({"POSITION": 0});
     names.iter().enumerate().for_each(|(i, name)| {
         attributes[format!("KHR_gaussian_splatting:{name}")] = (i + 1).into();
     });
-    let (mut views, mut accessors, mut bin) = (Vec::new(), Vec::new(), Vec::<u8>::new());
+    let mut views = Vec::new();
+    let mut accessors = Vec::new();
+    let mut bin = Vec::<u8>::new();
     for (i, values) in numbers.iter().enumerate() {
         let shape = ["", "SCALAR", "", "VEC3", "VEC4"][values.len()];
         views.push(serde_json::json!({"buffer": 0, "byteOffset": bin.len(), "byteLength": 4 * values.len()}));
-        accessors
-            .push(serde_json::json!({"bufferView": i, "componentType": 5126, "count": 1, "type": shape}));
+        accessors.push(
+            serde_json::json!({"bufferView": i, "componentType": 5126, "count": 1, "type": shape}),
+        );
         values.iter().for_each(|value| bin.extend(value.to_le_bytes()));
     }
     let splatting = serde_json::json!({"kernel": "ellipse", "colorSpace": "srgb_rec709_display"});
     let primitive = serde_json::json!({"mode": 0, "attributes": attributes, "extensions": {"KHR_gaussian_splatting": splatting}});
-    let node: serde_json::Value = serde_json::from_str(&format!("{{\"mesh\": 0{node}}}")).expect("JSON");
+    let node: serde_json::Value =
+        serde_json::from_str(&format!("{{\"mesh\": 0{node}}}")).expect("JSON");
     let mut document = serde_json::json!({
         "asset": {"version": "2.0"}, "extensionsUsed": ["KHR_gaussian_splatting"], "extensionsRequired": ["KHR_gaussian_splatting"],
         "nodes": [node], "meshes": [{"primitives": [primitive]}], "accessors": accessors, "bufferViews": views,
@@ -368,7 +416,8 @@ fn glb(node: &str, edit: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
     json.resize(json.len().next_multiple_of(4), b' ');
     let word = |length: usize| (length as u32).to_le_bytes().to_vec();
     let all = 28 + json.len() + bin.len();
-    let (json_length, bin_length) = (word(json.len()), word(bin.len()));
+    let json_length = word(json.len());
+    let bin_length = word(bin.len());
     [
         b"glTF".to_vec(),
         word(2),
@@ -392,7 +441,11 @@ fn a_gltf_of_gaussians_is_read_in_the_place_of_its_nodes() {
         (splats.positions[0], splats.sh_degree, splats.opacity[0]),
         (Vec3::new(1.0, 2.0, 3.0), 1, 0.25)
     );
-    assert_eq!((splats.scales[0], splats.sh[0]), (Vec3::new(0.1, 0.2, 0.3), [0.5, -0.5, 1.0]), "linear");
+    assert_eq!(
+        (splats.scales[0], splats.sh[0]),
+        (Vec3::new(0.1, 0.2, 0.3), [0.5, -0.5, 1.0]),
+        "linear"
+    );
     assert_eq!(splats.sh[1..], [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]]);
     assert!(same_turn(splats.rotations[0], turn, 1e-6), "x y z w");
     assert_eq!((loaded.provenance.up, loaded.warnings.len()), (Some(UpAxis::Y), 0));
@@ -404,7 +457,10 @@ fn a_gltf_of_gaussians_is_read_in_the_place_of_its_nodes() {
     assert!(close(splats.scales[0], Vec3::new(0.2, 0.4, 0.6), 1e-5));
     let wanted = Quat::from_rotation_z(std::f32::consts::FRAC_PI_2) * turn;
     assert!(same_turn(splats.rotations[0], wanted, 1e-5));
-    assert!(splats.sh[1..].iter().all(|c| *c == [0.0; 3]) && loaded.warnings[0].contains("from all sides"));
+    assert!(
+        splats.sh[1..].iter().all(|c| *c == [0.0; 3])
+            && loaded.warnings[0].contains("from all sides")
+    );
 }
 
 #[test]
@@ -416,7 +472,10 @@ fn a_gltf_of_gaussians_that_cannot_be_read_says_why() {
         ("", |d| d["meshes"][0]["primitives"][0]["mode"] = 1.into(), "no points"),
         (
             "",
-            |d| d["meshes"][0]["primitives"][0]["attributes"]["KHR_gaussian_splatting:SCALE"] = 99.into(),
+            |d| {
+                d["meshes"][0]["primitives"][0]["attributes"]["KHR_gaussian_splatting:SCALE"] =
+                    99.into()
+            },
             "accessor 99",
         ),
         ("", |d| d["accessors"][3]["count"] = 0.into(), "expected 1 of 1"),
@@ -518,7 +577,10 @@ fn a_bomb_of_gzip_is_unpacked_to_what_its_header_needs() {
     many[8..12].copy_from_slice(&200_000_000u32.to_le_bytes());
     many.resize(BOMB, 0);
     let error = read("a.spz", &gzipped(&many)).expect_err("more than gzip can hold").to_string();
-    assert!(error.contains("promises 200000000 Gaussians") && error.contains("cut short"), "{error}");
+    assert!(
+        error.contains("promises 200000000 Gaussians") && error.contains("cut short"),
+        "{error}"
+    );
     assert!(began.elapsed().as_secs() < 10, "{:?}", began.elapsed());
 }
 
@@ -576,7 +638,10 @@ fn versions_without_a_reader_are_refused_with_a_remedy() {
     ];
     for (name, bytes, kind) in cases {
         let error = read(name, bytes).expect_err("no reader");
-        assert!(matches!(error, Error::Unsupported { .. }) && error.to_string().contains(kind), "{error}");
+        assert!(
+            matches!(error, Error::Unsupported { .. }) && error.to_string().contains(kind),
+            "{error}"
+        );
     }
 }
 
@@ -596,7 +661,9 @@ fn cameras_beside_the_file_are_found_and_broken_ones_are_a_warning() {
     // The third column of the rotation is where the camera looks.
     assert!(close(camera.rotation.transpose() * Vec3::Z, Vec3::X, 1e-6));
 
-    for broken in ["[{]", "[]", &one.replace("[0,0,1]", "[0,0,2]"), &one.replace("\"fx\":50", "\"fx\":-1")] {
+    for broken in
+        ["[{]", "[]", &one.replace("[0,0,1]", "[0,0,2]"), &one.replace("\"fx\":50", "\"fx\":-1")]
+    {
         std::fs::write(folder.path().join("a.cameras.json"), broken).expect("writable");
         let loaded = read_in(folder.path(), "a.ply", &bytes, &options()).expect("valid");
         assert!(
@@ -623,10 +690,12 @@ fn triangles_are_read_whole_after_the_look_for_gaussians() {
 /// Gaussians on a slanted sheet, `size` apart; `row` makes numbers of a length and a share.
 fn sheet(size: f64, row: impl Fn(f64, f64) -> [f64; 2]) -> Vec<Vec<f64>> {
     let one = |i: usize| {
-        let (x, y) = ((i % 16) as f64, (i / 16) as f64);
+        let x = (i % 16) as f64;
+        let y = (i / 16) as f64;
         let [scale, opacity] = row(size * (0.3 + 0.01 * x), 0.2 + 0.003 * i as f64);
         let place = [size * x, size * y, size * (x + y)];
-        [place.to_vec(), vec![0.5, -0.5, 1.0, opacity, scale, scale, scale, 1.0, 0.0, 0.0, 0.0]].concat()
+        [place.to_vec(), vec![0.5, -0.5, 1.0, opacity, scale, scale, scale, 1.0, 0.0, 0.0, 0.0]]
+            .concat()
     };
     (0..256).map(one).collect()
 }
@@ -634,7 +703,8 @@ fn sheet(size: f64, row: impl Fn(f64, f64) -> [f64; 2]) -> Vec<Vec<f64>> {
 #[test]
 fn lengths_and_shares_in_place_of_logarithms_and_logits_are_recognised_and_named() {
     let logit = |share: f64| (share / (1.0 - share)).ln();
-    let read = |rows: &[Vec<f64>]| read("a.ply", &ply(&owned(&PLAIN), "float", rows)).expect("valid");
+    let read =
+        |rows: &[Vec<f64>]| read("a.ply", &ply(&owned(&PLAIN), "float", rows)).expect("valid");
     for size in [0.02, 1.0, 500.0] {
         let usual = read(&sheet(size, |length, share| [length.ln(), logit(share)]));
         assert_eq!(usual.warnings, [""; 0], "{size}");
@@ -653,7 +723,9 @@ fn lengths_and_shares_in_place_of_logarithms_and_logits_are_recognised_and_named
         );
         let one = read(&sheet(size, |length, share| [length, logit(share)]));
         assert!(
-            same(&one) && one.warnings[0].contains("lengths") && !one.warnings[0].contains("shares"),
+            same(&one)
+                && one.warnings[0].contains("lengths")
+                && !one.warnings[0].contains("shares"),
             "{size}"
         );
         let other = read(&sheet(size, |length, share| [length.ln(), share]));
@@ -669,7 +741,9 @@ fn lengths_and_shares_in_place_of_logarithms_and_logits_are_recognised_and_named
 fn colours_stand_in_place_of_the_first_coefficient() {
     let names: Vec<String> = PLAIN
         .iter()
-        .map(|name| name.replace("f_dc_0", "red").replace("f_dc_1", "green").replace("f_dc_2", "blue"))
+        .map(|name| {
+            name.replace("f_dc_0", "red").replace("f_dc_1", "green").replace("f_dc_2", "blue")
+        })
         .collect();
     let row = [&[1.0, 2.0, 3.0, 0.0, 1.0, 0.2][..], &plain_row()[6..]].concat();
     let floats = ply(&names, "float", std::slice::from_ref(&row));
@@ -683,7 +757,8 @@ fn colours_stand_in_place_of_the_first_coefficient() {
         })
         .collect();
     let numbers = "1 2 3 0 255 51 0 -1 -2 -3 2 0 0 2\n";
-    let bytes = format!("ply\nformat ascii 1.0\nelement vertex 1\n{}end_header\n{numbers}", text.concat());
+    let bytes =
+        format!("ply\nformat ascii 1.0\nelement vertex 1\n{}end_header\n{numbers}", text.concat());
     for file in [floats, bytes.into_bytes()] {
         let splats = read("a.ply", &file).expect("valid").splats;
         let rgb = splats.rgb(0);
@@ -699,8 +774,9 @@ fn a_gltf_may_hold_its_gaussians_as_spz() {
     let packed = |d: &mut serde_json::Value| {
         let view = d["bufferViews"].as_array().expect("a list").len();
         let length = spz.len();
-        let list =
-            |d: &mut serde_json::Value, key: &str, value| d[key].as_array_mut().expect("a list").push(value);
+        let list = |d: &mut serde_json::Value, key: &str, value| {
+            d[key].as_array_mut().expect("a list").push(value)
+        };
         list(d, "buffers", serde_json::json!({"byteLength": length, "uri": "splats.bin"}));
         list(d, "bufferViews", serde_json::json!({"buffer": 1, "byteLength": length}));
         list(d, "extensionsRequired", "KHR_gaussian_splatting_compression_spz_2".into());
@@ -709,9 +785,11 @@ fn a_gltf_may_hold_its_gaussians_as_spz() {
         primitive["extensions"]["KHR_gaussian_splatting"]["extensions"] =
             serde_json::json!({"KHR_gaussian_splatting_compression_spz_2": {"bufferView": view}});
     };
-    let read =
-        |node: &str| read_in(folder.path(), "a.glb", &glb(node, packed), &options()).expect("valid").splats;
-    let (alone, moved) = (read_in(folder.path(), "a.spz", &spz, &options()).expect("valid").splats, read(""));
+    let read = |node: &str| {
+        read_in(folder.path(), "a.glb", &glb(node, packed), &options()).expect("valid").splats
+    };
+    let alone = read_in(folder.path(), "a.spz", &spz, &options()).expect("valid").splats;
+    let moved = read("");
     assert_eq!(moved, alone);
     let moved = read(r#","translation":[10,0,0],"scale":[2,2,2]"#);
     assert!(close(moved.positions[0], 2.0 * alone.positions[0] + 10.0 * Vec3::X, 1e-6));
@@ -733,17 +811,22 @@ fn an_unzipped_sog_is_read_by_its_folder_or_its_list() {
         }
     }
     std::fs::remove_file(at.join("means_l.webp")).expect("there");
-    assert!(read_content(&at, &options()).expect_err("a folder").to_string().contains("is a folder"));
+    assert!(
+        read_content(&at, &options()).expect_err("a folder").to_string().contains("is a folder")
+    );
 }
 
 /// Gaussians on an ellipsoid beside the origin, and a list of cameras around it; `file` moves the Gaussians.
 fn seen_from_around(folder: &Path, file: impl Fn(DVec3) -> DVec3) -> ImportedSplats {
     let middle = DVec3::new(4.0, 3.0, -2.0);
     let row = |i: usize| {
-        let (turn, z) = (2.4 * i as f64, 1.0 - 2.0 * (i as f64 + 0.5) / 900.0);
+        let turn = 2.4 * i as f64;
+        let z = 1.0 - 2.0 * (i as f64 + 0.5) / 900.0;
         let round = (1.0 - z * z).sqrt();
-        let place = file(middle + DVec3::new(2.0 * round * turn.cos(), round * turn.sin(), 0.6 * z));
-        [&place.to_array()[..], &[0.5, -0.5, 1.0, 3.0, -3.0, -3.0, -3.0, 1.0, 0.0, 0.0, 0.0]].concat()
+        let place =
+            file(middle + DVec3::new(2.0 * round * turn.cos(), round * turn.sin(), 0.6 * z));
+        [&place.to_array()[..], &[0.5, -0.5, 1.0, 3.0, -3.0, -3.0, -3.0, 1.0, 0.0, 0.0, 0.0]]
+            .concat()
     };
     let rows: Vec<Vec<f64>> = (0..900).map(row).collect();
     let camera = |i: usize| {
@@ -772,9 +855,16 @@ fn cameras_of_another_frame_are_turned_and_those_of_another_scene_are_not_used()
     for ((_, camera), (_, turned)) in own.cameras.iter().zip(&other.cameras) {
         for (point, other) in own.splats.positions.iter().zip(&other.splats.positions) {
             let [a, b] = [camera.shows(*point), turned.shows(*other)];
-            assert!(a.zip(b).is_none_or(|((a, _), (b, _))| a.distance(b) < 1e-3), "the same picture");
+            assert!(
+                a.zip(b).is_none_or(|((a, _), (b, _))| a.distance(b) < 1e-3),
+                "the same picture"
+            );
         }
     }
     let other = seen_from_around(folder.path(), |place| place + 100.0 * DVec3::Z);
-    assert!(other.cameras.is_empty() && other.warnings[0].contains("not used"), "{:?}", other.warnings);
+    assert!(
+        other.cameras.is_empty() && other.warnings[0].contains("not used"),
+        "{:?}",
+        other.warnings
+    );
 }

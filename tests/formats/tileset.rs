@@ -14,6 +14,9 @@ fn where_a_scene_or_photos_are_wanted_a_tileset_says_what_to_do() {
     let photos = Dataset::load(&path, &DatasetOptions::default()).unwrap_err();
     for message in [scene.to_string(), photos.to_string()] {
         assert!(message.contains("a.tileset.json: is a tileset (3D Tiles)"), "{message}");
-        assert!(message.contains("give one of the files it names") && !message.contains('\n'), "{message}");
+        assert!(
+            message.contains("give one of the files it names") && !message.contains('\n'),
+            "{message}"
+        );
     }
 }

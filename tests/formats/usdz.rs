@@ -14,7 +14,14 @@ use trisplat_scene::{
 /// Two triangles, the second of them a backdrop.
 fn asset() -> Asset {
     let mesh = Mesh {
-        positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::splat(9.0), Vec3::X * 9.0, Vec3::Y * 9.0],
+        positions: vec![
+            Vec3::ZERO,
+            Vec3::X,
+            Vec3::Y,
+            Vec3::splat(9.0),
+            Vec3::X * 9.0,
+            Vec3::Y * 9.0,
+        ],
         colors: Colors::Face(vec![[1.0, 0.5, 0.25], [0.0; 3]]),
         ..Mesh::default()
     };
@@ -26,8 +33,8 @@ fn written(asset: &Asset, options: &OutputOptions) -> (Vec<(String, Vec<u8>)>, V
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("scene.usdz");
     let said = formats::write(asset, &path, options).expect("writes").warnings;
-    let mut zip =
-        zip::ZipArchive::new(Cursor::new(std::fs::read(&path).expect("a file"))).expect("an archive");
+    let mut zip = zip::ZipArchive::new(Cursor::new(std::fs::read(&path).expect("a file")))
+        .expect("an archive");
     let mut files = Vec::new();
     for i in 0..zip.len() {
         let mut file = zip.by_index(i).expect("a file");
@@ -62,7 +69,10 @@ fn a_scene_is_the_first_file_and_its_backdrop_stays_out() {
         assert!(text.contains(part), "{part} is not in {text}");
     }
     assert_eq!(files.len(), 1);
-    assert!(said.len() == 2 && said[0].contains("`texture`") && said[1].contains("backdrop"), "{said:?}");
+    assert!(
+        said.len() == 2 && said[0].contains("`texture`") && said[1].contains("backdrop"),
+        "{said:?}"
+    );
 }
 
 #[test]
@@ -72,9 +82,13 @@ fn single_sided_triangles_are_a_mesh_of_their_own() {
     let [_, both, front] = text(&files).split("def Mesh").collect::<Vec<_>>()[..] else {
         panic!("two meshes: {}", text(&files));
     };
-    assert!(both.contains("doubleSided = 1") && both.contains("points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]"));
     assert!(
-        front.contains("doubleSided = 0") && front.contains("points = [(9, 9, 9), (9, 0, 0), (0, 9, 0)]")
+        both.contains("doubleSided = 1")
+            && both.contains("points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]")
+    );
+    assert!(
+        front.contains("doubleSided = 0")
+            && front.contains("points = [(9, 9, 9), (9, 0, 0), (0, 9, 0)]")
     );
     assert!(front.contains("faceVertexIndices = [0, 1, 2]"));
 }
@@ -91,7 +105,10 @@ fn a_texture_is_a_picture_in_the_archive() {
     let text = text(&files);
     // From the lower left corner.
     assert!(text.contains("primvars:st = [(0, 1), (1, 1), (0, 0), "), "{text}");
-    assert!(text.contains("inputs:file = @texture.png@") && !text.contains("displayColor"), "{text}");
+    assert!(
+        text.contains("inputs:file = @texture.png@") && !text.contains("displayColor"),
+        "{text}"
+    );
     assert!(files[1].0 == "texture.png" && files[1].1.starts_with(b"\x89PNG"), "{}", files[1].0);
     assert!(said.is_empty(), "{said:?}");
 }

@@ -10,16 +10,20 @@ use scenes::{any_asset, asset, cut, ramp, strip};
 use serde_json::{Value, json};
 use std::path::Path;
 use trisplat_formats::gltf::{
-    ColorEncoding, Container, GltfOptions, PositionEncoding, Written, check_size, glb_size, stream_offsets,
-    to_glb_bytes, write_glb, write_gltf,
+    ColorEncoding, Container, GltfOptions, PositionEncoding, Written, check_size, glb_size,
+    stream_offsets, to_glb_bytes, write_glb, write_gltf,
 };
 use trisplat_scene::{
     Asset, Chunk, Error, Placement, Provenance, Result, UpAxis,
     mesh::{Colors, Mesh},
 };
 
-const COLORS: [ColorEncoding; 4] =
-    [ColorEncoding::U16Linear, ColorEncoding::U8Srgb, ColorEncoding::F32Linear, ColorEncoding::F32Srgb];
+const COLORS: [ColorEncoding; 4] = [
+    ColorEncoding::U16Linear,
+    ColorEncoding::U8Srgb,
+    ColorEncoding::F32Linear,
+    ColorEncoding::F32Srgb,
+];
 
 fn glb(asset: &Asset, options: &GltfOptions) -> Result<(Vec<u8>, Written)> {
     let mut bytes = Vec::new();
@@ -61,8 +65,11 @@ fn one_chunk_is_a_scene_and_several_are_numbered() {
     assert_eq!((three.list("nodes").len(), name(&three, 2)), (3, "chunk_0002".to_owned()));
     // A chunk that pruning left empty, and a mesh that was never chunked.
     let mut gaps = ramp(5);
-    gaps.chunks =
-        vec![Chunk { first: 0, count: 0 }, Chunk { first: 0, count: 5 }, Chunk { first: 5, count: 0 }];
+    gaps.chunks = vec![
+        Chunk { first: 0, count: 0 },
+        Chunk { first: 0, count: 5 },
+        Chunk { first: 5, count: 0 },
+    ];
     assert_eq!(parse(&glb(&gaps, &GltfOptions::default()).unwrap().0).list("meshes").len(), 1);
     gaps.chunks.clear();
     assert_eq!(parse(&glb(&gaps, &GltfOptions::default()).unwrap().0).list("meshes").len(), 1);
@@ -95,7 +102,11 @@ fn extensions_are_declared_where_they_are_used_and_nowhere_else() {
         (PositionEncoding::F32, false, None),
         (PositionEncoding::ChunkU16, false, Some(json!(["KHR_mesh_quantization"]))),
         (PositionEncoding::F32, true, Some(json!(["EXT_meshopt_compression"]))),
-        (PositionEncoding::ChunkU16, true, Some(json!(["KHR_mesh_quantization", "EXT_meshopt_compression"]))),
+        (
+            PositionEncoding::ChunkU16,
+            true,
+            Some(json!(["KHR_mesh_quantization", "EXT_meshopt_compression"])),
+        ),
     ] {
         let options = GltfOptions { positions, meshopt, ..GltfOptions::default() };
         let parsed = parse(&glb(&ramp(3), &options).unwrap().0);
@@ -114,14 +125,20 @@ fn extras_hold_the_provenance_and_the_encodings() {
         source: Some("größe.ply".into()),
         trainer: None,
         up: Some(UpAxis::Y),
-        placement: Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 0.1, center: [1.0, 2.5, -3.0] },
+        placement: Placement {
+            up: UpAxis::NegY.into(),
+            rotate: 0.0,
+            scale: 0.1,
+            center: [1.0, 2.5, -3.0],
+        },
         viewpoint: Some(crate::common::VIEWPOINT),
         backdrop: 0,
         exposure: Some([0.5, 0.0, 1.0]),
         cameras: vec![[0.1, -20.5, 3.0, 0.25, -0.5, 0.125, 0.6, 0.4]],
     };
     for colors in COLORS {
-        let parsed = parse(&glb(&asset, &GltfOptions { colors, ..GltfOptions::default() }).unwrap().0);
+        let parsed =
+            parse(&glb(&asset, &GltfOptions { colors, ..GltfOptions::default() }).unwrap().0);
         let info = &parsed.json["asset"];
         assert_eq!(info["version"], "2.0");
         assert_eq!(info["generator"], trisplat_scene::report::generator());
@@ -143,7 +160,8 @@ fn bounds_are_the_shortest_text_of_the_exact_floats() {
     let asset = cut(ramp(200), 3);
     let parsed = parse(&glb(&asset, &GltfOptions::default()).unwrap().0);
     for (i, chunk) in asset.chunks.iter().enumerate() {
-        let run = &asset.mesh.positions[3 * chunk.first as usize..3 * (chunk.first + chunk.count) as usize];
+        let run = &asset.mesh.positions
+            [3 * chunk.first as usize..3 * (chunk.first + chunk.count) as usize];
         let min = run.iter().fold(Vec3::INFINITY, |a, &b| a.min(b));
         let max = run.iter().fold(Vec3::NEG_INFINITY, |a, &b| a.max(b));
         let accessor = &parsed.list("accessors")[2 * i];
@@ -162,9 +180,15 @@ fn zeros_of_either_sign_give_the_same_bound() {
     for (a, b) in [(0.0, -0.0), (-0.0, 0.0), (-0.0, -0.0)] {
         let points = [a, b, a].map(|x| Vec3::new(x, b, 1.0)).to_vec();
         let parsed = parse(
-            &glb(&asset(points, Colors::Face(vec![[0.5; 3]]), vec![]), &GltfOptions::default()).unwrap().0,
+            &glb(&asset(points, Colors::Face(vec![[0.5; 3]]), vec![]), &GltfOptions::default())
+                .unwrap()
+                .0,
         );
-        assert!(parsed.text.contains("\"min\":[0.0,0.0,1.0],\"max\":[0.0,0.0,1.0]"), "{}", parsed.text);
+        assert!(
+            parsed.text.contains("\"min\":[0.0,0.0,1.0],\"max\":[0.0,0.0,1.0]"),
+            "{}",
+            parsed.text
+        );
     }
 }
 
@@ -203,7 +227,10 @@ fn shared_vertices_are_indexed_within_their_chunk() {
             let options = GltfOptions { meshopt, ..GltfOptions::default() };
             let parsed = parse(&glb(&asset, &options).unwrap().0);
             assert_eq!(parsed.list("accessors")[2]["componentType"], kind);
-            assert!(parsed.stored_positions(0) == asset.mesh.positions, "order of the vertices is kept");
+            assert!(
+                parsed.stored_positions(0) == asset.mesh.positions,
+                "order of the vertices is kept"
+            );
             let indices = parsed.indices(0).unwrap();
             assert!(kind == 5125 || !indices.contains(&65_535), "restart value");
             if meshopt {
@@ -241,7 +268,8 @@ fn faces_of_one_color_get_vertices_of_their_own() {
     for options in [GltfOptions::default(), quantised()] {
         let parsed = parse(&glb(&asset, &options).unwrap().0);
         assert!(parsed.indices(0).is_none());
-        let colors = |corners: Vec<(Vec3, Vec<u8>)>| corners.into_iter().map(|c| c.1).collect::<Vec<_>>();
+        let colors =
+            |corners: Vec<(Vec3, Vec<u8>)>| corners.into_iter().map(|c| c.1).collect::<Vec<_>>();
         assert_eq!(colors(parsed.corners()), colors(expected(&asset.mesh, options.colors)));
     }
     let parsed = parse(&glb(&asset, &GltfOptions::default()).unwrap().0);
@@ -260,13 +288,17 @@ fn the_reported_error_is_the_one_an_engine_makes() {
         let parsed = parse(&bytes);
         let positions: Vec<Vec3> = (0..3).flat_map(|i| parsed.positions(i)).collect();
         let error = |(a, b): (&Vec3, &Vec3)| a.as_dvec3().distance(b.as_dvec3());
-        let worst = positions.iter().zip(&asset.mesh.positions).map(error).fold(0.0, f64::max) as f32;
+        let worst =
+            positions.iter().zip(&asset.mesh.positions).map(error).fold(0.0, f64::max) as f32;
         assert_eq!(written.worst_position_error, worst);
         assert!(worst > 0.0 && worst < 0.5 * 3.0f32.sqrt() * 3.3 / 65535.0 * 1.01, "{worst}");
         assert_eq!(written.collapsed, 1);
         assert!(written.warnings.iter().any(|w| w.contains("flattened 1 of 1000")));
         let accessor = &parsed.list("accessors")[0];
-        assert_eq!((&accessor["min"], &accessor["max"]), (&json!([0, 0, 0]), &json!([65535, 65535, 65535])));
+        assert_eq!(
+            (&accessor["min"], &accessor["max"]),
+            (&json!([0, 0, 0]), &json!([65535, 65535, 65535]))
+        );
     }
     assert_eq!(glb(&ramp(9), &GltfOptions::default()).unwrap().1.worst_position_error, 0.0);
 }
@@ -296,7 +328,11 @@ fn small_triangles_beside_a_huge_one_keep_their_shape() {
         let allowed = (0.05f64 * 0.05 / 2.0).sqrt() / 16.0;
         assert!(worst > 0.0 && worst <= allowed, "{worst} of {allowed}");
         let types = [0, 2].map(|i| parsed.list("accessors")[i]["componentType"].as_u64());
-        assert_eq!(types, [Some(5123), Some(5126)], "a grid where it is fine enough, floats elsewhere");
+        assert_eq!(
+            types,
+            [Some(5123), Some(5126)],
+            "a grid where it is fine enough, floats elsewhere"
+        );
     }
 }
 
@@ -314,11 +350,14 @@ fn the_gltf_crate_reads_it() {
         let reader = primitive.reader(|_| Some(&blob));
         assert!(reader.read_indices().is_none() && reader.read_normals().is_none());
         let colors = reader.read_colors(0).unwrap().into_rgba_u16();
-        corners.extend(reader.read_positions().unwrap().zip(colors).map(|(p, c)| (Vec3::from(p), c)));
+        corners
+            .extend(reader.read_positions().unwrap().zip(colors).map(|(p, c)| (Vec3::from(p), c)));
         let bounds = primitive.bounding_box();
         let count = 3 * asset.chunks[node.index()].count as usize;
         let own = &corners[corners.len() - count..];
-        assert!((0..3).all(|a| own.iter().all(|c| bounds.min[a] <= c.0[a] && c.0[a] <= bounds.max[a])));
+        assert!(
+            (0..3).all(|a| own.iter().all(|c| bounds.min[a] <= c.0[a] && c.0[a] <= bounds.max[a]))
+        );
     }
     let wants: Vec<(Vec3, Vec<u8>)> = expected(&asset.mesh, ColorEncoding::U16Linear);
     let got = corners.into_iter().map(|(p, c)| (p, bytemuck::cast_slice(&c).to_vec()));
@@ -329,9 +368,11 @@ fn the_gltf_crate_reads_it() {
 fn a_gltf_and_its_bin_hold_what_the_glb_holds() {
     let asset = cut(ramp(100), 2);
     for options in [GltfOptions::default(), GltfOptions { meshopt: true, ..quantised() }] {
-        let (mut text, mut bin) = (Vec::new(), Vec::new());
+        let mut text = Vec::new();
+        let mut bin = Vec::new();
         let path = Path::new("scene.gltf");
-        let written = write_gltf(&mut text, &mut bin, "my scene.bin", path, &asset, &options).unwrap();
+        let written =
+            write_gltf(&mut text, &mut bin, "my scene.bin", path, &asset, &options).unwrap();
         assert_eq!(written.bytes, (text.len() + bin.len()) as u64);
         let json: Value = serde_json::from_slice(&text).unwrap();
         assert_eq!(json["buffers"][0]["uri"], "my%20scene.bin");
@@ -369,15 +410,23 @@ fn sizes_are_known_before_a_byte_is_written() {
     };
     let check = |container, triangles, allow| check_size(path, container, size(triangles), allow);
     let refused = |r: Result<Option<String>>, limit: u64| match r {
-        Err(Error::TooLarge { limit: l, remedy, .. }) => l == limit && remedy.contains("`max_triangles`"),
+        Err(Error::TooLarge { limit: l, remedy, .. }) => {
+            l == limit && remedy.contains("`max_triangles`")
+        }
         _ => false,
     };
-    let (gib1, gib2, gib4) = ((1u64 << 30) / 60, (1u64 << 31) / 60, (1u64 << 32) / 60);
+    let gib1 = (1u64 << 30) / 60;
+    let gib2 = (1u64 << 31) / 60;
+    let gib4 = (1u64 << 32) / 60;
     for allow in [false, true] {
         assert_eq!(check(Container::Glb, gib1 - 100, allow).unwrap(), None);
-        assert!(check(Container::Glb, gib1 + 1, allow).unwrap().is_some_and(|w| w.contains("1024 MiB")));
+        assert!(
+            check(Container::Glb, gib1 + 1, allow).unwrap().is_some_and(|w| w.contains("1024 MiB"))
+        );
         assert!(refused(check(Container::Glb, gib4 + 1, allow), u32::MAX.into()));
-        assert!(check(Container::Gltf, gib4 + 1, allow).unwrap().is_some_and(|w| w.contains("2 GiB")));
+        assert!(
+            check(Container::Gltf, gib4 + 1, allow).unwrap().is_some_and(|w| w.contains("2 GiB"))
+        );
     }
     assert!(check(Container::Glb, gib2 - 100, false).unwrap().is_some_and(|w| w.contains("1 GiB")));
     assert!(refused(check(Container::Glb, gib2 + 1, false), i32::MAX as u64));
@@ -395,8 +444,12 @@ fn streams_start_on_multiples_of_four() {
 fn nothing_to_write_is_an_error_that_says_what_to_do() {
     for options in [GltfOptions::default(), GltfOptions { meshopt: true, ..quantised() }] {
         let mut out = Vec::new();
-        let error = write_glb(&mut out, Path::new("scene.glb"), &Asset::default(), &options).unwrap_err();
-        assert!(error.to_string().contains("no triangle") && error.to_string().contains("prune"), "{error}");
+        let error =
+            write_glb(&mut out, Path::new("scene.glb"), &Asset::default(), &options).unwrap_err();
+        assert!(
+            error.to_string().contains("no triangle") && error.to_string().contains("prune"),
+            "{error}"
+        );
         assert!(out.is_empty());
     }
 }
@@ -420,7 +473,10 @@ fn a_mesh_that_does_not_fit_together_is_refused_before_anything_is_written() {
             damage(&mut asset);
             let mut out = Vec::new();
             let error = write_glb(&mut out, Path::new("scene.glb"), &asset, &options).unwrap_err();
-            assert!(matches!(error, Error::Invalid { .. }) && error.to_string().contains(wants), "{error}");
+            assert!(
+                matches!(error, Error::Invalid { .. }) && error.to_string().contains(wants),
+                "{error}"
+            );
             assert!(out.is_empty());
         }
     }
@@ -449,7 +505,8 @@ fn a_full_disk_is_reported() {
     }
     let asset = ramp(100);
     for room in [0, 11, 500, 2000, 6500] {
-        let error = write_glb(&mut Full(room), Path::new("x/scene.glb"), &asset, &GltfOptions::default());
+        let error =
+            write_glb(&mut Full(room), Path::new("x/scene.glb"), &asset, &GltfOptions::default());
         assert!(
             matches!(error, Err(Error::Io { ref path, .. }) if path == Path::new("x/scene.glb")),
             "{room}"
@@ -485,7 +542,8 @@ proptest! {
         // Compressed indices may start a triangle at another corner: compare without order there.
         for (got, wants) in got.chunks(3).zip(wants.chunks(3)) {
             let fits = |first: usize| (0..3).all(|i| {
-                let ((p, c), (q, d)) = (&got[(i + first) % 3], &wants[i]);
+                let (p, c) = &got[(i + first) % 3];
+                let (q, d) = &wants[i];
                 let error = p.as_dvec3().distance(q.as_dvec3());
                 c == d && error <= f64::from(written.worst_position_error.next_up())
             });

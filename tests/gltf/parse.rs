@@ -59,9 +59,11 @@ fn decode(json: &Value, bin: &[u8]) -> Vec<u8> {
         let field = |v: &Value, name: &str| v[name].as_u64().unwrap() as usize;
         let packed = &view["extensions"]["EXT_meshopt_compression"];
         assert_eq!((field(view, "buffer"), field(packed, "buffer")), (1, 0));
-        let (at, len) = (field(packed, "byteOffset"), field(packed, "byteLength"));
+        let at = field(packed, "byteOffset");
+        let len = field(packed, "byteLength");
         assert_eq!(at % 4, 0);
-        let (count, stride) = (field(packed, "count"), field(packed, "byteStride"));
+        let count = field(packed, "count");
+        let stride = field(packed, "byteStride");
         let bytes = &bin[at..at + len];
         let raw = if packed["mode"] == "TRIANGLES" {
             assert_eq!(bytes[0], 0xe1, "the index codec of the extension");
@@ -109,7 +111,8 @@ impl Parsed {
         assert_eq!(self.list("accessors").len(), self.list("bufferViews").len());
         let mut end = 0;
         for (accessor, view) in self.list("accessors").iter().zip(self.list("bufferViews")) {
-            let (start, len) = (Self::number(&view["byteOffset"]), Self::number(&view["byteLength"]));
+            let start = Self::number(&view["byteOffset"]);
+            let len = Self::number(&view["byteLength"]);
             assert!(start % 4 == 0 && start >= end && start - end < 4);
             end = start + len;
             assert!(end <= Self::number(&buffers[Self::number(&view["buffer"])]["byteLength"]));
@@ -179,7 +182,8 @@ impl Parsed {
             let read = |i| node.get(name).map_or(default, |v| v[i].as_f64().unwrap() as f32);
             Vec3::new(read(0), read(1), read(2))
         };
-        let (scale, translation) = (vec3("scale", 1.0), vec3("translation", 0.0));
+        let scale = vec3("scale", 1.0);
+        let translation = vec3("translation", 0.0);
         self.stored_positions(mesh).into_iter().map(|p| scale * p + translation).collect()
     }
 
@@ -201,7 +205,8 @@ impl Parsed {
     pub(crate) fn corners(&self) -> Vec<(Vec3, Vec<u8>)> {
         let mut corners = Vec::new();
         for mesh in 0..self.list("meshes").len() {
-            let (positions, colors) = (self.positions(mesh), self.colors(mesh).1);
+            let positions = self.positions(mesh);
+            let colors = self.colors(mesh).1;
             let count = positions.len() as u32;
             for i in self.indices(mesh).unwrap_or_else(|| (0..count).collect()) {
                 corners.push((positions[i as usize], colors[i as usize].clone()));

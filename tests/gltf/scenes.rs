@@ -19,7 +19,13 @@ pub(crate) fn positions(count: usize) -> Vec<Vec3> {
     // Squares, because equal steps would put the corners of a face on a line.
     let part = |i: usize, ratio: f64| ((i * i) as f64 * ratio).fract() as f32;
     (0..count)
-        .map(|i| Vec3::new(part(i, 0.618_034) * 3.3 - 1.1, part(i, 0.754_877) / 3.0, part(i, 0.569_84) - 9.0))
+        .map(|i| {
+            Vec3::new(
+                part(i, 0.618_034) * 3.3 - 1.1,
+                part(i, 0.754_877) / 3.0,
+                part(i, 0.569_84) - 9.0,
+            )
+        })
         .collect()
 }
 
@@ -31,7 +37,8 @@ pub(crate) fn asset(positions: Vec<Vec3>, colors: Colors, indices: Vec<u32>) -> 
 pub(crate) fn cut(mut asset: Asset, chunks: u32) -> Asset {
     let faces = u64::from(asset.mesh.face_count() as u32);
     let start = |i: u32| (faces * u64::from(i) / u64::from(chunks)) as u32;
-    asset.chunks = (0..chunks).map(|i| Chunk { first: start(i), count: start(i + 1) - start(i) }).collect();
+    asset.chunks =
+        (0..chunks).map(|i| Chunk { first: start(i), count: start(i + 1) - start(i) }).collect();
     asset
 }
 
@@ -48,10 +55,11 @@ pub(crate) fn any_asset() -> impl Strategy<Value = Asset> {
     let vertices = proptest::collection::vec((float.clone(), float.clone(), float), 3..60);
     let channel = 0.0f32..=1.0;
     let colors = proptest::collection::vec((channel.clone(), channel.clone(), channel), 60);
-    (vertices, colors, any::<bool>(), proptest::collection::vec(any::<u32>(), 0..90), 1u32..6).prop_map(
-        |(vertices, colors, by_face, indices, chunks)| {
+    (vertices, colors, any::<bool>(), proptest::collection::vec(any::<u32>(), 0..90), 1u32..6)
+        .prop_map(|(vertices, colors, by_face, indices, chunks)| {
             let mut points: Vec<Vec3> = vertices.into_iter().map(Vec3::from).collect();
-            let mut indices: Vec<u32> = indices.into_iter().map(|i| i % points.len() as u32).collect();
+            let mut indices: Vec<u32> =
+                indices.into_iter().map(|i| i % points.len() as u32).collect();
             indices.truncate(indices.len() / 3 * 3);
             if indices.is_empty() {
                 points.truncate(points.len() / 3 * 3);
@@ -64,6 +72,5 @@ pub(crate) fn any_asset() -> impl Strategy<Value = Asset> {
                 Colors::Vertex((0..mesh.vertex_count()).map(color).collect())
             };
             cut(Asset { mesh, ..Asset::default() }, chunks)
-        },
-    )
+        })
 }

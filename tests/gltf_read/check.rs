@@ -52,7 +52,8 @@ fn valid() -> Builder {
 }
 
 fn asset(faces: usize) -> Asset {
-    let corner = |i: usize| Vec3::new((i as f32 * 0.7).sin(), (i as f32 * 1.3).cos(), i as f32 * 0.01);
+    let corner =
+        |i: usize| Vec3::new((i as f32 * 0.7).sin(), (i as f32 * 1.3).cos(), i as f32 * 0.01);
     let mesh = Mesh {
         positions: (0..3 * faces).map(corner).collect(),
         colors: Colors::Face((0..faces).map(|i| [i as f32 / faces as f32, 0.5, 0.0]).collect()),
@@ -73,7 +74,11 @@ fn what_we_write_is_valid() {
         for meshopt in [false, true] {
             let options = GltfOptions { positions, meshopt, ..GltfOptions::default() };
             let checked = check_bytes("scene.glb", &written(&asset(100), &options));
-            assert_eq!(checked.count(Severity::Error) + checked.count(Severity::Warning), 0, "{checked:?}");
+            assert_eq!(
+                checked.count(Severity::Error) + checked.count(Severity::Warning),
+                0,
+                "{checked:?}"
+            );
             assert_eq!(checked.triangles, Some(100));
             let plain = positions == PositionEncoding::F32 && !meshopt;
             assert_eq!(checked.findings.is_empty(), plain);
@@ -102,7 +107,8 @@ fn faults_of_the_document_are_found_with_their_place() {
 #[test]
 fn meshes_that_engines_cull_only_as_a_whole_are_named() {
     let mut b = Builder::new();
-    let position = b.floats("VEC3", &(0..3 * 65_536).map(|i| (i % 1000) as f32).collect::<Vec<_>>());
+    let position =
+        b.floats("VEC3", &(0..3 * 65_536).map(|i| (i % 1000) as f32).collect::<Vec<_>>());
     let indices = b.shorts("SCALAR", 3, &[0, 1, 2]);
     b.mesh(json!({ "attributes": { "POSITION": position }, "indices": indices }));
     b.node(json!({ "mesh": 0 }));
@@ -143,7 +149,11 @@ fn a_broken_file_of_any_format_is_a_finding() {
     ] {
         let path = folder.write(name, bytes);
         let checked = check(&path, &trisplat::ReadOptions::default()).expect("a known format");
-        assert_eq!((checked.count(Severity::Error), checked.triangles), (1, None), "{name}: {checked:#?}");
+        assert_eq!(
+            (checked.count(Severity::Error), checked.triangles),
+            (1, None),
+            "{name}: {checked:#?}"
+        );
         let mut out = Vec::new();
         let error = trisplat::cli::info::validate(
             &ValidateArgs { input: path, json: false },
@@ -173,7 +183,10 @@ fn info_counts_what_is_there() {
     let (found, loaded) =
         info_of_content(&sample(&folder), &trisplat::ReadOptions::default()).expect("valid");
     let triangles = loaded.stand_in().0.scene.triangle_count() as u64;
-    assert_eq!((found.kind, found.format, found.triangles), (SceneKind::Soup, Format::Ply, triangles));
+    assert_eq!(
+        (found.kind, found.format, found.triangles),
+        (SceneKind::Soup, Format::Ply, triangles)
+    );
     for spread in [found.sigma.as_ref(), found.opacity.as_ref()] {
         let spread = spread.expect("a soup has it");
         assert!(spread.min <= spread.median && spread.median <= spread.max);
@@ -206,7 +219,9 @@ fn info_is_printed_as_text_and_as_json() {
         String::from_utf8(out).expect("text")
     };
     let text = print(false);
-    for word in ["PLY", "triangles", "bounds", "up axis", "a trainer", "opacity", "sigma", "colors", "bake"] {
+    for word in
+        ["PLY", "triangles", "bounds", "up axis", "a trainer", "opacity", "sigma", "colors", "bake"]
+    {
         assert!(text.contains(word), "{word}:\n{text}");
     }
     let parsed: Info = serde_json::from_str(&print(true)).expect("JSON of the documented shape");
@@ -220,7 +235,8 @@ fn info_is_printed_as_text_and_as_json() {
 fn a_texture_is_described_and_one_that_is_missing_is_named() {
     let folder = Folder::new();
     let mut textured = asset(4);
-    let picture = RgbImage { size: glam::UVec2::new(48, 32), rgb: vec![[200, 90, 10]; 48 * 32], alpha: None };
+    let picture =
+        RgbImage { size: glam::UVec2::new(48, 32), rgb: vec![[200, 90, 10]; 48 * 32], alpha: None };
     let uvs = vec![[glam::Vec2::ZERO, glam::Vec2::X, glam::Vec2::Y]; 4];
     textured.mesh.texture = Some(FaceTexture::new(uvs, std::sync::Arc::new(Texture::new(picture))));
     let bytes = written(&textured, &GltfOptions::default());
@@ -246,5 +262,8 @@ fn a_texture_is_described_and_one_that_is_missing_is_named() {
     let sizes = [20 + text.len() + rest.len(), text.len()].map(|size| (size as u32).to_le_bytes());
     let parts = [&bytes[..8], &sizes[0], &sizes[1], &bytes[16..20], &text, rest];
     let found = about(&folder.write("without.glb", &parts.concat()));
-    assert!(found.len() == 1 && found[0].starts_with("Error") && found[0].contains("gone.jpg"), "{found:?}");
+    assert!(
+        found.len() == 1 && found[0].starts_with("Error") && found[0].contains("gone.jpg"),
+        "{found:?}"
+    );
 }

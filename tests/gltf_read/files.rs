@@ -54,11 +54,20 @@ impl Builder {
         let offset = self.bin.len();
         self.bin.extend(bytes);
         self.json["buffers"][0]["byteLength"] = self.bin.len().into();
-        self.push("bufferViews", json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes.len() }))
+        self.push(
+            "bufferViews",
+            json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes.len() }),
+        )
     }
 
     /// A view of its own and an accessor over all of it.
-    pub(crate) fn accessor(&mut self, component: u32, shape: &str, count: usize, bytes: &[u8]) -> usize {
+    pub(crate) fn accessor(
+        &mut self,
+        component: u32,
+        shape: &str,
+        count: usize,
+        bytes: &[u8],
+    ) -> usize {
         let view = self.view(bytes);
         self.push(
             "accessors",
@@ -66,7 +75,13 @@ impl Builder {
         )
     }
 
-    pub(crate) fn normalized(&mut self, component: u32, shape: &str, count: usize, bytes: &[u8]) -> usize {
+    pub(crate) fn normalized(
+        &mut self,
+        component: u32,
+        shape: &str,
+        count: usize,
+        bytes: &[u8],
+    ) -> usize {
         let accessor = self.accessor(component, shape, count, bytes);
         self.json["accessors"][accessor]["normalized"] = true.into();
         accessor
@@ -118,7 +133,8 @@ pub(crate) fn glb(json: &[u8], bin: &[u8]) -> Vec<u8> {
         padded.resize(bytes.len().next_multiple_of(4), with);
         padded
     };
-    let (json, bin) = (pad(json, b' '), pad(bin, 0));
+    let json = pad(json, b' ');
+    let bin = pad(bin, 0);
     let mut file = b"glTF\x02\0\0\0".to_vec();
     file.extend((28 + json.len() as u32 + bin.len() as u32).to_le_bytes());
     for (kind, body) in [(b"JSON", json), (b"BIN\0", bin)] {
@@ -138,7 +154,8 @@ pub(crate) fn read_bytes(bytes: &[u8]) -> Result<ImportedScene> {
     let mut file = tempfile::tempfile().expect("a temporary file");
     std::io::Write::write_all(&mut file, bytes).expect("written");
     std::io::Seek::rewind(&mut file).expect("seekable");
-    let source = Source { path: PathBuf::from("scene.glb"), file: file.into(), len: bytes.len() as u64 };
+    let source =
+        Source { path: PathBuf::from("scene.glb"), file: file.into(), len: bytes.len() as u64 };
     gltf::read(source, &ReadOptions::with_degree(0))
 }
 

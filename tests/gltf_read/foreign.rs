@@ -1,7 +1,8 @@
 //! What other programs write: transforms, modes, materials, sparse and interleaved data.
 
 use super::files::{
-    BYTE, Builder, FLOAT, SHORT, UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT, mesh, read, read_bytes,
+    BYTE, Builder, FLOAT, SHORT, UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT, mesh, read,
+    read_bytes,
 };
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use serde_json::{Value, json};
@@ -16,7 +17,10 @@ fn nodes_place_their_meshes() {
     let mut b = Builder::triangle();
     b.json["scenes"][0]["nodes"] = json!([1]);
     let s = std::f32::consts::FRAC_1_SQRT_2;
-    b.push("nodes", json!({ "children": [2], "translation": [10, 0, 0], "rotation": [0, 0, s, s] }));
+    b.push(
+        "nodes",
+        json!({ "children": [2], "translation": [10, 0, 0], "rotation": [0, 0, s, s] }),
+    );
     b.push("nodes", json!({ "children": [0], "scale": [2, 3, 4] }));
     let quarter = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2);
     let m = DMat4::from_rotation_translation(quarter, DVec3::X * 10.0)
@@ -28,7 +32,10 @@ fn nodes_place_their_meshes() {
     // A matrix is column-major.
     b.json["nodes"][1] =
         json!({ "children": [2], "matrix": [0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 10, 0, 0, 1] });
-    assert_eq!(corners(&b), [Vec3::new(10., 0., 0.), Vec3::new(10., 2., 0.), Vec3::new(7., 0., 0.)]);
+    assert_eq!(
+        corners(&b),
+        [Vec3::new(10., 0., 0.), Vec3::new(10., 2., 0.), Vec3::new(7., 0., 0.)]
+    );
 }
 
 #[test]
@@ -98,8 +105,9 @@ fn indexed_and_plain_primitives_merge() {
         (UNSIGNED_INT, [0u32, 1, 2, 0, 2, 3].iter().flat_map(|i| i.to_le_bytes()).collect()),
     ] {
         let indices = b.accessor(component, "SCALAR", 6, &bytes);
-        let mesh =
-            b.mesh(json!({ "attributes": { "POSITION": position, "COLOR_0": color }, "indices": indices }));
+        let mesh = b.mesh(
+            json!({ "attributes": { "POSITION": position, "COLOR_0": color }, "indices": indices }),
+        );
         b.json["nodes"][1] = json!({ "mesh": mesh });
         let got = b.mesh_of();
         assert_eq!(got.indices, [0, 1, 2, 3, 4, 5, 3, 5, 6, 7, 8, 9]);
@@ -112,7 +120,9 @@ fn indexed_and_plain_primitives_merge() {
 #[test]
 fn flat_faces_stay_flat_until_a_gradient_comes() {
     let mut b = Builder::new();
-    for (i, colors) in [[0.25; 9], [0.5; 9], [0., 0., 0., 1., 1., 1., 0., 0., 0.]].iter().enumerate() {
+    for (i, colors) in
+        [[0.25; 9], [0.5; 9], [0., 0., 0., 1., 1., 1., 0., 0., 0.]].iter().enumerate()
+    {
         let position = b.floats("VEC3", &[i as f32; 9]);
         let color = b.floats("VEC3", colors);
         let mesh = b.mesh(json!({ "attributes": { "POSITION": position, "COLOR_0": color } }));
@@ -121,7 +131,9 @@ fn flat_faces_stay_flat_until_a_gradient_comes() {
         match (i, &got.colors) {
             (0, Colors::Face(c)) => assert_eq!(c[..], [[0.25; 3]]),
             (1, Colors::Face(c)) => assert_eq!(c[..], [[0.25; 3], [0.5; 3]]),
-            (2, Colors::Vertex(c)) => assert_eq!((c[2], c[3], c[7]), ([0.25; 3], [0.5; 3], [1.0; 3])),
+            (2, Colors::Vertex(c)) => {
+                assert_eq!((c[2], c[3], c[7]), ([0.25; 3], [0.5; 3], [1.0; 3]))
+            }
             other => panic!("{other:?}"),
         }
     }
@@ -203,7 +215,8 @@ fn integer_positions_are_placed_by_their_grid() {
 fn colours_of_every_type_are_read() {
     let mut b = Builder::triangle();
     let bytes = b.normalized(UNSIGNED_BYTE, "VEC4", 3, &[255, 51, 0, 255].repeat(3));
-    let shorts = b.normalized(UNSIGNED_SHORT, "VEC4", 3, &[255, 255, 51, 51, 0, 0, 255, 255].repeat(3));
+    let shorts =
+        b.normalized(UNSIGNED_SHORT, "VEC4", 3, &[255, 255, 51, 51, 0, 0, 255, 255].repeat(3));
     let short3 = b.normalized(UNSIGNED_SHORT, "VEC3", 3, &[255, 255, 51, 51, 0, 0].repeat(3));
     let floats = b.floats("VEC4", &[1.0, 0.2, 0.0, 1.0].repeat(3));
     for accessor in [bytes, shorts, short3, floats] {
@@ -219,7 +232,8 @@ fn colours_of_every_type_are_read() {
 fn interleaved_attributes_are_taken_apart() {
     let mut b = Builder::new();
     let vertex = |i: u8| {
-        [f32::from(i).to_le_bytes(), 0f32.to_le_bytes(), 1f32.to_le_bytes(), [i, 0, 255, 255]].concat()
+        [f32::from(i).to_le_bytes(), 0f32.to_le_bytes(), 1f32.to_le_bytes(), [i, 0, 255, 255]]
+            .concat()
     };
     // The last vertex lacks nothing; a stride larger than the vertex leaves its padding out.
     let mut bytes: Vec<u8> = (0..3).flat_map(|i| [vertex(i), vec![7; 4]].concat()).collect();
@@ -242,7 +256,8 @@ fn interleaved_attributes_are_taken_apart() {
 fn sparse_accessors_replace_elements() {
     let mut b = Builder::triangle();
     let numbers = b.view(&[2u16.to_le_bytes(), 0u16.to_le_bytes()].concat());
-    let values: Vec<u8> = [5f32, 6., 7., 8., 9., 10.].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let values: Vec<u8> =
+        [5f32, 6., 7., 8., 9., 10.].iter().flat_map(|v| v.to_le_bytes()).collect();
     let values = b.view(&values);
     let sparse = json!({
         "count": 2,
@@ -274,20 +289,28 @@ fn sparse_accessors_replace_elements() {
 fn materials_tint_and_uncover() {
     let mut b = Builder::triangle();
     b.json["meshes"][0]["primitives"][0]["material"] = 0.into();
-    b.push("materials", json!({ "pbrMetallicRoughness": { "baseColorFactor": [0.5, 0.25, 1, 0.5] } }));
+    b.push(
+        "materials",
+        json!({ "pbrMetallicRoughness": { "baseColorFactor": [0.5, 0.25, 1, 0.5] } }),
+    );
     let got = b.mesh_of();
     assert_eq!(got.corner_colors(0), [[0.5, 0., 0.], [0., 0.25, 0.], [0., 0., 1.]]);
     assert!(got.opacity.is_empty(), "OPAQUE ignores alpha");
     let colors = b.floats("VEC4", &[1., 1., 1., 0.9, 1., 1., 1., 0.6, 1., 1., 1., 0.3]);
     b.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = colors.into();
-    for (mode, cutoff, wants) in
-        [("BLEND", json!(null), vec![0.3]), ("MASK", json!(null), vec![0.0]), ("MASK", json!(0.25), vec![])]
-    {
+    for (mode, cutoff, wants) in [
+        ("BLEND", json!(null), vec![0.3]),
+        ("MASK", json!(null), vec![0.0]),
+        ("MASK", json!(0.25), vec![]),
+    ] {
         b.json["materials"][0]["alphaMode"] = mode.into();
         b.json["materials"][0]["alphaCutoff"] = cutoff;
         let got = b.mesh_of().opacity;
         assert_eq!(got.len(), wants.len(), "{mode}");
-        assert!(got.iter().zip(&wants).all(|(a, b): (&f32, &f32)| (a - b).abs() < 1e-6), "{mode} {got:?}");
+        assert!(
+            got.iter().zip(&wants).all(|(a, b): (&f32, &f32)| (a - b).abs() < 1e-6),
+            "{mode} {got:?}"
+        );
     }
     // Faces of other primitives are opaque.
     b.json["materials"][0]["alphaCutoff"] = json!(null);
@@ -312,7 +335,8 @@ fn what_is_not_read_is_warned_of() {
     primitive["attributes"].as_object_mut().expect("an object").remove("COLOR_0");
     let loaded = b.read().expect("valid");
     for word in ["skins", "INSTANCING", "morph", "a texture is not read", "base colour"] {
-        let warned = loaded.warnings.iter().any(|w| w.to_lowercase().contains(&word.to_lowercase()));
+        let warned =
+            loaded.warnings.iter().any(|w| w.to_lowercase().contains(&word.to_lowercase()));
         assert!(warned, "{word}: {:?}", loaded.warnings);
     }
     assert_eq!(mesh(loaded).colors, Colors::Face(vec![[0.5, 1.0, 1.0]]));
@@ -345,7 +369,8 @@ fn a_material_named_for_godot_has_srgb_colours() {
 #[test]
 fn provenance_of_others_is_their_name_alone() {
     let mut b = Builder::triangle();
-    b.json["asset"]["extras"] = json!({ "source": "https://example.org", "color_encoding": "u8-srgb" });
+    b.json["asset"]["extras"] =
+        json!({ "source": "https://example.org", "color_encoding": "u8-srgb" });
     let loaded = b.read().expect("valid");
     assert_eq!(loaded.provenance.generator.as_deref(), Some("by hand"));
     assert_eq!(
@@ -402,11 +427,16 @@ fn buffers_elsewhere_are_refused() {
 fn another_reader_sees_the_same() {
     let mut b = Builder::triangle();
     let position = b.floats("VEC3", &(0..30).map(|i| (i as f32 * 0.37).sin()).collect::<Vec<_>>());
-    let color =
-        b.normalized(UNSIGNED_SHORT, "VEC4", 10, &(0..80).map(|i| (i * 37) as u8).collect::<Vec<_>>());
+    let color = b.normalized(
+        UNSIGNED_SHORT,
+        "VEC4",
+        10,
+        &(0..80).map(|i| (i * 37) as u8).collect::<Vec<_>>(),
+    );
     let indices = b.shorts("SCALAR", 9, &[0, 9, 3, 4, 1, 2, 8, 7, 6]);
-    let mesh =
-        b.mesh(json!({ "attributes": { "POSITION": position, "COLOR_0": color }, "indices": indices }));
+    let mesh = b.mesh(
+        json!({ "attributes": { "POSITION": position, "COLOR_0": color }, "indices": indices }),
+    );
     b.json["nodes"][0]["children"] = json!([1]);
     b.json["nodes"][0]["rotation"] = json!([0.18257419, 0.36514837, 0.5477226, 0.73029674]);
     b.push("nodes", json!({ "mesh": mesh, "translation": [0.1, 0.2, 0.3], "scale": [1, 2, 3] }));
@@ -427,8 +457,9 @@ fn another_reader_sees_the_same() {
             let listed = listed.unwrap_or_else(|| (0..positions.len() as u32).collect());
             for corners in listed.chunks_exact(3) {
                 for (j, &vertex) in corners.iter().enumerate() {
-                    let p =
-                        world.transform_point3(Vec3::from(positions[vertex as usize]).as_dvec3()).as_vec3();
+                    let p = world
+                        .transform_point3(Vec3::from(positions[vertex as usize]).as_dvec3())
+                        .as_vec3();
                     assert!(ours.corners(face)[j].distance(p) < 1e-5, "face {face}");
                     let c = Vec3::from(ours.corner_colors(face)[j]);
                     assert!(c.distance(Vec3::from(colors[vertex as usize])) < 1e-6, "face {face}");
@@ -444,7 +475,9 @@ fn another_reader_sees_the_same() {
 /// A PNG picture of one colour.
 fn png(rgb: [u8; 3]) -> Vec<u8> {
     let size = glam::UVec2::splat(2);
-    trisplat_scene::image::RgbImage { size, rgb: vec![rgb; 4], alpha: None }.to_png().expect("a picture")
+    trisplat_scene::image::RgbImage { size, rgb: vec![rgb; 4], alpha: None }
+        .to_png()
+        .expect("a picture")
 }
 
 /// A triangle with a texture of that colour, its corners at `uvs`; returns its mesh.
@@ -475,7 +508,10 @@ fn one_picture_is_kept_and_so_are_several() {
     assert_eq!(one.colors, Colors::Face(vec![[1.0, 0.0, 0.0]]));
     // A mirrored node turns the coordinates around with the corners.
     b.json["nodes"][0]["scale"] = json!([-1, 1, 1]);
-    assert_eq!(b.mesh_of().texture.expect("kept").uvs, [[glam::Vec2::ZERO, glam::Vec2::Y, glam::Vec2::X]]);
+    assert_eq!(
+        b.mesh_of().texture.expect("kept").uvs,
+        [[glam::Vec2::ZERO, glam::Vec2::Y, glam::Vec2::X]]
+    );
     // A second picture, repeated.
     let mesh = textured(&mut b, [0, 0, 255], &[5., 5., 6., 5., 5., 6.]);
     b.node(json!({ "mesh": mesh }));
@@ -499,7 +535,8 @@ fn a_picture_that_cannot_be_read_costs_its_colours_only() {
         b.json["bufferViews"][0]["byteLength"] = 7.into();
         b.json["images"][0] = image;
         let loaded = b.read().expect("the triangle is there");
-        let warned = loaded.warnings.iter().any(|w| w.contains("a texture is not read") && w.contains(why));
+        let warned =
+            loaded.warnings.iter().any(|w| w.contains("a texture is not read") && w.contains(why));
         assert!(warned, "{why}: {:?}", loaded.warnings);
         assert_eq!(super::files::mesh(loaded).colors, Colors::Face(vec![[1.0; 3]]));
     }

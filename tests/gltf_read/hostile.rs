@@ -90,7 +90,8 @@ fn indices_must_name_vertices() {
 fn draco_is_refused_with_a_remedy() {
     let mut b = Builder::triangle();
     b.json["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
-    b.json["meshes"][0]["primitives"][0]["extensions"] = json!({ "KHR_draco_mesh_compression": {} });
+    b.json["meshes"][0]["primitives"][0]["extensions"] =
+        json!({ "KHR_draco_mesh_compression": {} });
     assert!(b.read().is_ok(), "the plain data are there as well");
     b.json["accessors"][0].as_object_mut().expect("an object").remove("bufferView");
     let error = b.read().expect_err("Draco").to_string();
@@ -120,15 +121,23 @@ fn containers_must_hold_what_they_say() {
         ("no uri", edit(bin + 4, b"XXXX")),
         (
             "64 chunks",
-            [b"glTF\x02\0\0\0".to_vec(), 820u32.to_le_bytes().to_vec(), b"\0\0\0\0JSON".repeat(101)].concat(),
+            [
+                b"glTF\x02\0\0\0".to_vec(),
+                820u32.to_le_bytes().to_vec(),
+                b"\0\0\0\0JSON".repeat(101),
+            ]
+            .concat(),
         ),
         ("JSON", b"{".to_vec()),
         ("JSON", b"{}".to_vec()),
         ("JSON", [vec![b'['; 100_000], vec![b']'; 100_000]].concat()),
         (
             "JSON",
-            format!("{{\"asset\":{{\"version\":\"2.0\"}},\"nodes\":[{}{{}}]}}", "{},".repeat(1 << 20))
-                .into_bytes(),
+            format!(
+                "{{\"asset\":{{\"version\":\"2.0\"}},\"nodes\":[{}{{}}]}}",
+                "{},".repeat(1 << 20)
+            )
+            .into_bytes(),
         ),
     ];
     for (wants, file) in cases {
@@ -241,19 +250,26 @@ fn compressed_views_are_checked() {
 }
 
 fn scene(faces: usize) -> Asset {
-    let positions = (0..3 * faces).map(|i| glam::Vec3::new(i as f32, (i * i) as f32, 1.0)).collect();
+    let positions =
+        (0..3 * faces).map(|i| glam::Vec3::new(i as f32, (i * i) as f32, 1.0)).collect();
     let colors = Colors::Face((0..faces).map(|i| [i as f32 / faces as f32; 3]).collect());
     let half = faces as u32 / 2;
     Asset {
         mesh: Mesh { positions, colors, ..Mesh::default() },
-        chunks: vec![Chunk { first: 0, count: half }, Chunk { first: half, count: faces as u32 - half }],
+        chunks: vec![
+            Chunk { first: 0, count: half },
+            Chunk { first: half, count: faces as u32 - half },
+        ],
         ..Asset::default()
     }
 }
 
 fn compressed(faces: usize) -> Vec<u8> {
-    let options =
-        GltfOptions { meshopt: true, positions: PositionEncoding::ChunkU16, ..GltfOptions::default() };
+    let options = GltfOptions {
+        meshopt: true,
+        positions: PositionEncoding::ChunkU16,
+        ..GltfOptions::default()
+    };
     let mut bytes = Vec::new();
     write_glb(&mut bytes, Path::new("a.glb"), &scene(faces), &options).expect("written");
     bytes
@@ -270,7 +286,8 @@ fn parts(file: &[u8]) -> (Value, Vec<u8>) {
 fn every_prefix_fails_cleanly() {
     let large = {
         let mut bytes = Vec::new();
-        write_glb(&mut bytes, Path::new("a.glb"), &scene(4000), &GltfOptions::default()).expect("written");
+        write_glb(&mut bytes, Path::new("a.glb"), &scene(4000), &GltfOptions::default())
+            .expect("written");
         bytes
     };
     for (file, step) in

@@ -14,7 +14,8 @@ use trisplat_scene::Asset;
 fn bakes() -> [(BakeOptions, OutputOptions); 3] {
     let fast = BakeOptions::preset(BakePreset::Fast);
     let lit = BakeOptions { lit: LitOptions { lit: Lit::Flat }, ..fast.clone() };
-    let small = OutputOptions { target: OutputTarget::Web, compress: true, ..OutputOptions::default() };
+    let small =
+        OutputOptions { target: OutputTarget::Web, compress: true, ..OutputOptions::default() };
     [(fast.clone(), OutputOptions::default()), (lit, OutputOptions::default()), (fast, small)]
 }
 
@@ -24,7 +25,8 @@ fn written(asset: &Asset, path: &Path, options: &OutputOptions) -> trisplat::Res
 
 /// JSON and buffer of a GLB.
 fn parts(glb: &[u8]) -> (Vec<u8>, Vec<u8>) {
-    let length = |at: usize| u32::from_le_bytes([glb[at], glb[at + 1], glb[at + 2], glb[at + 3]]) as usize;
+    let length =
+        |at: usize| u32::from_le_bytes([glb[at], glb[at + 1], glb[at + 2], glb[at + 3]]) as usize;
     let json = length(12);
     (glb[20..20 + json].to_vec(), glb[28 + json..].to_vec())
 }
@@ -36,10 +38,12 @@ fn glb(json: &[u8], bin: &[u8]) -> Vec<u8> {
         bytes.resize(bytes.len().next_multiple_of(4), with);
         bytes
     };
-    let (json, bin) = (padded(json, b' '), padded(bin, 0));
+    let json = padded(json, b' ');
+    let bin = padded(bin, 0);
     let all = (28 + json.len() + bin.len()) as u32;
-    let chunk =
-        |bytes: &[u8], name: &[u8; 4]| [&(bytes.len() as u32).to_le_bytes()[..], name, bytes].concat();
+    let chunk = |bytes: &[u8], name: &[u8; 4]| {
+        [&(bytes.len() as u32).to_le_bytes()[..], name, bytes].concat()
+    };
     let head = [&b"glTF"[..], &2u32.to_le_bytes(), &all.to_le_bytes()].concat();
     [head, chunk(&json, b"JSON"), chunk(&bin, b"BIN\0")].concat()
 }
@@ -65,7 +69,8 @@ fn a_viewpoint_that_no_camera_has_is_chosen_again() {
         std::fs::write(&path, glb(document.to_string().as_bytes(), &bin)).unwrap();
         let loaded = formats::read(&path, &ReadOptions::default()).unwrap();
         let again = trisplat::bake(loaded, &fast).unwrap();
-        let (chosen, first) = (again.provenance.viewpoint, asset.provenance.viewpoint);
+        let chosen = again.provenance.viewpoint;
+        let first = asset.provenance.viewpoint;
         assert!(
             chosen.is_some() && chosen.map(|v| v.fov) == first.map(|v| v.fov),
             "{key} {value}: {chosen:?}"
@@ -79,7 +84,8 @@ fn a_viewpoint_that_no_camera_has_is_chosen_again() {
 #[test]
 fn mutants_of_a_glb_are_baked_to_valid_files_or_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let (mutant, out) = (folder.path().join("mutant.glb"), folder.path().join("out.glb"));
+    let mutant = folder.path().join("mutant.glb");
+    let out = folder.path().join("out.glb");
     let soup = scenes::studio(16, 1);
     for (i, (bake, output)) in bakes().iter().enumerate() {
         let asset = trisplat::bake(soup.clone(), bake).unwrap();
@@ -90,9 +96,12 @@ fn mutants_of_a_glb_are_baked_to_valid_files_or_refused() {
             let Ok(loaded) = formats::read(&mutant, &ReadOptions::default()) else { return };
             for (bake, output) in bakes() {
                 let baked = trisplat::bake(loaded.clone(), &bake);
-                let Ok(()) = baked.and_then(|asset| written(&asset, &out, &output)) else { continue };
+                let Ok(()) = baked.and_then(|asset| written(&asset, &out, &output)) else {
+                    continue;
+                };
                 let found = check(&out, &ReadOptions::default()).unwrap();
-                let errors = found.findings.iter().filter(|finding| finding.severity == Severity::Error);
+                let errors =
+                    found.findings.iter().filter(|finding| finding.severity == Severity::Error);
                 assert_eq!(errors.count(), 0, "{:?}", found.findings);
             }
         };

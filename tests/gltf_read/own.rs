@@ -11,13 +11,18 @@ use trisplat_scene::{
     mesh::{Colors, Mesh},
 };
 
-const COLORS: [ColorEncoding; 4] =
-    [ColorEncoding::U16Linear, ColorEncoding::U8Srgb, ColorEncoding::F32Linear, ColorEncoding::F32Srgb];
+const COLORS: [ColorEncoding; 4] = [
+    ColorEncoding::U16Linear,
+    ColorEncoding::U8Srgb,
+    ColorEncoding::F32Linear,
+    ColorEncoding::F32Srgb,
+];
 
 /// Soup-like triangles: one 8-bit sRGB colour each.
 fn soup(faces: usize) -> Asset {
     let rng = Rng::new(7, "gltf_read", 0);
-    let at = |i: usize| Vec3::from([0, 1, 2].map(|c| rng.uniform((3 * i + c) as u64) * 20.0 - 10.0));
+    let at =
+        |i: usize| Vec3::from([0, 1, 2].map(|c| rng.uniform((3 * i + c) as u64) * 20.0 - 10.0));
     let small = |i: usize| at(i / 3) + 0.05 * at(i + 100_000);
     let code = |i: usize, c: usize| linear_from_srgb(((i * 31 + c * 97) % 256) as f32 / 255.0);
     let mesh = Mesh {
@@ -30,7 +35,8 @@ fn soup(faces: usize) -> Asset {
 
 /// A connected grid with a colour per vertex.
 fn sheet(side: u32) -> Asset {
-    let vertex = |i: u32| Vec3::new((i % side) as f32 * 0.1, (i / side) as f32 * 0.3, (i as f32).sin());
+    let vertex =
+        |i: u32| Vec3::new((i % side) as f32 * 0.1, (i / side) as f32 * 0.3, (i as f32).sin());
     let quad = |i: u32| [i, i + 1, i + side, i + 1, i + side + 1, i + side];
     let indices = (0..side * (side - 1)).filter(|i| i % side != side - 1).flat_map(quad).collect();
     let color = |i: u32| [0.0, i as f32 / (side * side) as f32, 1.0];
@@ -74,10 +80,12 @@ fn soups_come_back_as_soups_in_every_encoding() {
                 let back = round_trip(&asset, &options);
                 assert_eq!(back.positions, asset.mesh.positions, "{options:?}");
                 assert!(back.indices.is_empty() && back.opacity.is_empty());
-                let (Colors::Face(got), Colors::Face(wants)) = (&back.colors, &asset.mesh.colors) else {
+                let (Colors::Face(got), Colors::Face(wants)) = (&back.colors, &asset.mesh.colors)
+                else {
                     panic!("expected a colour per face");
                 };
-                let worst = got.iter().zip(wants).map(|(a, b)| codes_apart(*a, *b)).fold(0.0, f32::max);
+                let worst =
+                    got.iter().zip(wants).map(|(a, b)| codes_apart(*a, *b)).fold(0.0, f32::max);
                 assert!(got.len() == wants.len() && worst < 0.03, "{options:?}: {worst} codes");
             }
         }
@@ -103,15 +111,21 @@ fn what_comes_back_is_written_as_the_same_bytes() {
 fn chunk_local_positions_come_back_where_an_engine_puts_them() {
     for asset in [chunked(soup(900), 128), chunked(sheet(20), 100)] {
         for meshopt in [false, true] {
-            let options =
-                GltfOptions { positions: PositionEncoding::ChunkU16, meshopt, ..GltfOptions::default() };
+            let options = GltfOptions {
+                positions: PositionEncoding::ChunkU16,
+                meshopt,
+                ..GltfOptions::default()
+            };
             let mut bytes = Vec::new();
-            let written = write_glb(&mut bytes, Path::new("scene.glb"), &asset, &options).expect("written");
+            let written =
+                write_glb(&mut bytes, Path::new("scene.glb"), &asset, &options).expect("written");
             let back = mesh(read_bytes(&bytes).expect("read back"));
             let worst = (0..asset.mesh.face_count())
                 .flat_map(|f| asset.mesh.corners(f).map(|p| (p, back.corners(f))))
                 // meshopt may start a face at another corner.
-                .map(|(p, corners)| corners.map(|q| p.distance(q)).into_iter().fold(f32::MAX, f32::min))
+                .map(|(p, corners)| {
+                    corners.map(|q| p.distance(q)).into_iter().fold(f32::MAX, f32::min)
+                })
                 .fold(0.0, f32::max);
             // The writer reports the error in the engine's f32 arithmetic; ours rounds once.
             assert!(worst <= written.worst_position_error * 1.01 + 1e-6, "{worst} {written:?}");
@@ -124,7 +138,8 @@ fn chunk_local_positions_come_back_where_an_engine_puts_them() {
 fn connected_meshes_stay_connected() {
     let sheet = sheet(12);
     for meshopt in [false, true] {
-        let options = GltfOptions { colors: ColorEncoding::F32Linear, meshopt, ..GltfOptions::default() };
+        let options =
+            GltfOptions { colors: ColorEncoding::F32Linear, meshopt, ..GltfOptions::default() };
         let back = round_trip(&sheet, &options);
         assert_eq!(back.positions, sheet.mesh.positions);
         assert_eq!(back.colors, sheet.mesh.colors);
@@ -145,7 +160,8 @@ fn a_document_with_a_buffer_beside_it_is_the_same_scene() {
     let path = folder.path().join("my scene.gltf");
     let name = "my scene & ü.bin";
     let asset = chunked(soup(70), 32);
-    let (mut json, mut bin) = (Vec::new(), Vec::new());
+    let mut json = Vec::new();
+    let mut bin = Vec::new();
     write_gltf(&mut json, &mut bin, name, &path, &asset, &GltfOptions::default()).expect("written");
     std::fs::write(&path, &json).expect("written");
     let error = read(&path).expect_err("no buffer yet").to_string();
@@ -165,14 +181,20 @@ fn the_provenance_comes_back() {
         source: Some("room.ply".into()),
         trainer: Some("someone".into()),
         up: Some(UpAxis::Y),
-        placement: Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 0.1, center: [1.0, 2.5, -3.25] },
+        placement: Placement {
+            up: UpAxis::NegY.into(),
+            rotate: 0.0,
+            scale: 0.1,
+            center: [1.0, 2.5, -3.25],
+        },
         viewpoint: Some(crate::common::VIEWPOINT),
         backdrop: 0,
         exposure: Some([0.5, 0.0, 1.0]),
         cameras: vec![[0.1, -20.5, 3.0, 0.25, -0.5, 0.125, 0.6, 0.4]],
     };
     let mut bytes = Vec::new();
-    write_glb(&mut bytes, Path::new("scene.glb"), &asset, &GltfOptions::default()).expect("written");
+    write_glb(&mut bytes, Path::new("scene.glb"), &asset, &GltfOptions::default())
+        .expect("written");
     assert_eq!(read_bytes(&bytes).expect("read back").provenance, asset.provenance);
 }
 
@@ -185,12 +207,16 @@ fn single_sided_faces_have_a_material_of_their_own_and_come_back_in_their_order(
             let mut asset = asset.clone();
             let faces = asset.mesh.face_count();
             asset.mesh.single_sided = (0..faces).map(|face| face % 20 >= 14).collect();
-            let options =
-                GltfOptions { meshopt, material_name: "trisplat-vcol".into(), ..GltfOptions::default() };
+            let options = GltfOptions {
+                meshopt,
+                material_name: "trisplat-vcol".into(),
+                ..GltfOptions::default()
+            };
             let mut bytes = Vec::new();
             write_glb(&mut bytes, Path::new("scene.glb"), &asset, &options).expect("written");
             let length = u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
-            let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
+            let json: serde_json::Value =
+                serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
             let materials = json["materials"].as_array().expect("a list");
             let name = |i: usize| materials[i]["name"].as_str().expect("a name");
             let sides = |i: usize| materials[i]["doubleSided"].as_bool().unwrap_or(false);
@@ -198,9 +224,17 @@ fn single_sided_faces_have_a_material_of_their_own_and_come_back_in_their_order(
             assert_eq!((name(1), sides(1)), ("trisplat_front-vcol", false));
             let runs = asset.mesh.single_sided.chunk_by(|a, b| a == b).count();
             assert!(runs > cuts && materials.len() == 2);
-            assert_eq!(json["meshes"].as_array().map(Vec::len), Some(runs), "each node has one material");
+            assert_eq!(
+                json["meshes"].as_array().map(Vec::len),
+                Some(runs),
+                "each node has one material"
+            );
             let nodes = json["nodes"].as_array().expect("a list");
-            assert!(nodes.iter().all(|node| node["name"].as_str().is_some_and(|n| n.starts_with("chunk_"))));
+            assert!(
+                nodes
+                    .iter()
+                    .all(|node| node["name"].as_str().is_some_and(|n| n.starts_with("chunk_")))
+            );
             let back = read_bytes(&bytes).expect("read back");
             assert_eq!(mesh(back).single_sided, asset.mesh.single_sided);
         }
@@ -213,10 +247,15 @@ fn a_scene_of_one_chunk_has_a_node_for_each_of_its_sides() {
     let names = |asset: &Asset| {
         trisplat_formats::gltf::to_glb_bytes(asset, &GltfOptions::default())
             .map(|bytes| {
-                let length = u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
-                let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
+                let length =
+                    u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
+                let json: serde_json::Value =
+                    serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
                 let nodes = json["nodes"].as_array().expect("a list");
-                nodes.iter().map(|node| node["name"].as_str().expect("a name").to_owned()).collect::<Vec<_>>()
+                nodes
+                    .iter()
+                    .map(|node| node["name"].as_str().expect("a name").to_owned())
+                    .collect::<Vec<_>>()
             })
             .expect("written")
     };
@@ -242,14 +281,19 @@ fn a_backdrop_is_a_node_of_its_own_and_comes_back_last() {
     let cuts = [
         vec![],
         vec![Chunk { first: 0, count: 7 }, Chunk { first: 7, count: 2 }],
-        vec![Chunk { first: 0, count: 4 }, Chunk { first: 4, count: 3 }, Chunk { first: 7, count: 2 }],
+        vec![
+            Chunk { first: 0, count: 4 },
+            Chunk { first: 4, count: 3 },
+            Chunk { first: 7, count: 2 },
+        ],
     ];
     for chunks in cuts {
         let mut asset = soup(9);
         asset.provenance.backdrop = 2;
         asset.mesh.single_sided = (0..9).map(|face| face >= 7).collect();
         asset.chunks = chunks;
-        for (material_name, wants) in [("trisplat", "backdrop"), ("trisplat-vcol", "backdrop-vcol")] {
+        for (material_name, wants) in [("trisplat", "backdrop"), ("trisplat-vcol", "backdrop-vcol")]
+        {
             let options = GltfOptions {
                 material_name: material_name.into(),
                 colors: ColorEncoding::F32Linear,
@@ -258,16 +302,20 @@ fn a_backdrop_is_a_node_of_its_own_and_comes_back_last() {
             let mut bytes = Vec::new();
             write_glb(&mut bytes, Path::new("scene.glb"), &asset, &options).expect("written");
             let length = u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
-            let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
-            let last = |list: &str| json[list].as_array().and_then(|l| l.last().cloned()).expect("some");
+            let json: serde_json::Value =
+                serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
+            let last =
+                |list: &str| json[list].as_array().and_then(|l| l.last().cloned()).expect("some");
             assert_eq!(
                 (&last("nodes")["name"], &last("meshes")["name"]),
                 (&"backdrop".into(), &"backdrop".into())
             );
-            let material = last("meshes")["primitives"][0]["material"].as_u64().expect("a material");
+            let material =
+                last("meshes")["primitives"][0]["material"].as_u64().expect("a material");
             assert_eq!((material, json["materials"].as_array().map(Vec::len)), (1, Some(2)));
             assert_eq!(json["materials"][1]["name"], wants);
-            let sides = [0, 1].map(|i| json["materials"][i]["doubleSided"].as_bool().unwrap_or(false));
+            let sides =
+                [0, 1].map(|i| json["materials"][i]["doubleSided"].as_bool().unwrap_or(false));
             assert_eq!(sides, [true, false]);
             let others = json["meshes"].as_array().map_or(0, Vec::len) - 1;
             assert!((0..others).all(|i| json["meshes"][i]["primitives"][0]["material"] == 0));
@@ -280,7 +328,8 @@ fn a_backdrop_is_a_node_of_its_own_and_comes_back_last() {
     let mut across = soup(9);
     across.provenance.backdrop = 2;
     across.chunks = vec![Chunk { first: 0, count: 8 }, Chunk { first: 8, count: 1 }];
-    let error = write_glb(&mut Vec::new(), Path::new("scene.glb"), &across, &GltfOptions::default());
+    let error =
+        write_glb(&mut Vec::new(), Path::new("scene.glb"), &across, &GltfOptions::default());
     assert!(error.is_err_and(|e| e.to_string().contains("part backdrop")));
 }
 

@@ -50,7 +50,8 @@ const PLAIN: [f32; 6] = [0.1, 0.2, 0.9, 0.3, 0.4, 0.8];
 /// The picture as an engine filters it, going on by `wrap` beyond its border; linear.
 fn filtered(uv: Vec2, wrap: fn(i64) -> i64) -> Vec3 {
     let at = uv * SIDE as f32 - 0.5;
-    let (first, part) = (at.floor(), at - at.floor());
+    let first = at.floor();
+    let part = at - at.floor();
     let texel = |x: i64, y: i64| {
         let [x, y] = [first.x as i64 + x, first.y as i64 + y].map(wrap);
         Vec3::from(code(x, y).map(|c| linear_of_srgb8()[usize::from(c)]))
@@ -63,7 +64,8 @@ fn filtered(uv: Vec2, wrap: fn(i64) -> i64) -> Vec3 {
 fn shows(mesh: &Mesh, face: usize, uvs: [f32; 6], wanted: impl Fn([f32; 3], Vec2) -> Vec3) {
     let texture = mesh.texture.as_ref().expect("the texture is kept");
     for i in 0..40 {
-        let (a, b) = ((0.5 + i as f32 * 0.618) % 1.0, (0.25 + i as f32 * 0.414) % 1.0);
+        let a = (0.5 + i as f32 * 0.618) % 1.0;
+        let b = (0.25 + i as f32 * 0.414) % 1.0;
         let (a, b) = if a + b > 1.0 { (1.0 - a, 1.0 - b) } else { (a, b) };
         let weights = [1.0 - a - b, a, b];
         let on = |corners: [Vec2; 3]| (0..3).map(|k| corners[k] * weights[k]).sum::<Vec2>();
@@ -95,17 +97,23 @@ fn coordinates_beyond_the_picture_show_what_an_engine_shows() {
     let modes = [10497, 33648, 33071];
     let wraps: [fn(i64) -> i64; 3] = [repeat, mirror, clamp];
     for (mode, wrap) in modes.into_iter().zip(wraps) {
-        for uvs in [PLAIN, moved([3.0, -2.0]), moved([1.0, 5.0]), wide, [0., 0., 1.00002, 0., 0., 1.00002]] {
+        for uvs in
+            [PLAIN, moved([3.0, -2.0]), moved([1.0, 5.0]), wide, [0., 0., 1.00002, 0., 0., 1.00002]]
+        {
             let mut b = with_picture();
             b.push("samplers", json!({ "wrapS": mode, "wrapT": mode }));
             b.json["textures"][0]["sampler"] = 0.into();
             add(&mut b, base(json!({ "index": 0 })), uvs, &[]);
             // The border itself is within; filters there would need the next tile.
-            let inner =
-                |uv: Vec2| uv.clamp(Vec2::splat(0.5 / SIDE as f32), Vec2::splat(1.0 - 0.5 / SIDE as f32));
+            let inner = |uv: Vec2| {
+                uv.clamp(Vec2::splat(0.5 / SIDE as f32), Vec2::splat(1.0 - 0.5 / SIDE as f32))
+            };
             let is_border = uvs[2] == 1.00002;
             shows(&b.mesh_of(), 0, uvs, |_, uv| {
-                filtered(if is_border { inner(uv) } else { uv }, if is_border { clamp } else { wrap })
+                filtered(
+                    if is_border { inner(uv) } else { uv },
+                    if is_border { clamp } else { wrap },
+                )
             });
         }
     }
@@ -133,7 +141,10 @@ fn whole_tiles_keep_the_picture_itself() {
     // A face that repeats it does not cost the others their picture.
     add(&mut b, base(json!({ "index": 0 })), PLAIN.map(|x| 3.0 * x), &[]);
     let texture = b.mesh_of().texture.expect("kept");
-    assert_eq!((texture.page_of.as_slice(), texture.pages[0].picture()), (&[0, 0, 1][..], &picture()));
+    assert_eq!(
+        (texture.page_of.as_slice(), texture.pages[0].picture()),
+        (&[0, 0, 1][..], &picture())
+    );
 }
 
 #[test]
@@ -191,7 +202,12 @@ fn colours_and_factors_multiply_the_picture() {
 #[test]
 fn parts_without_a_picture_keep_their_colours_beside_textured_ones() {
     let mut b = with_picture();
-    add(&mut b, json!({ "pbrMetallicRoughness": { "baseColorFactor": [1, 0.5, 0, 1] } }), PLAIN, &[]);
+    add(
+        &mut b,
+        json!({ "pbrMetallicRoughness": { "baseColorFactor": [1, 0.5, 0, 1] } }),
+        PLAIN,
+        &[],
+    );
     add(&mut b, base(json!({ "index": 0 })), PLAIN, &[]);
     let corners = [1., 0., 0., 0., 1., 0., 0., 0., 1.];
     let colors = b.floats("VEC3", &corners);
@@ -200,9 +216,14 @@ fn parts_without_a_picture_keep_their_colours_beside_textured_ones() {
     shows(&mesh, 0, PLAIN, |_, _| Vec3::new(1.0, 0.5, 0.0));
     shows(&mesh, 1, PLAIN, |_, uv| filtered(uv, repeat));
     let texture = mesh.texture.as_ref().expect("kept");
-    for weights in
-        [[1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [0.5, 0.25, 0.25], [0.3, 0.3, 0.4], [0., 0.5, 0.5]]
-    {
+    for weights in [
+        [1., 0., 0.],
+        [0., 1., 0.],
+        [0., 0., 1.],
+        [0.5, 0.25, 0.25],
+        [0.3, 0.3, 0.4],
+        [0., 0.5, 0.5],
+    ] {
         let at = (0..3).map(|k| texture.uvs[2][k] * weights[k]).sum::<Vec2>();
         let seen = Vec3::from(texture.texture(2).sample(at, 0.0));
         assert!((seen - Vec3::from(weights)).abs().max_element() < 0.06, "{seen} {weights:?}");
@@ -214,7 +235,11 @@ fn faces_that_repeat_without_end_become_coarser_and_are_counted() {
     let mut b = with_picture();
     add(&mut b, base(json!({ "index": 0 })), [0., 0., 900., 0., 0., 900.], &[]);
     let loaded = b.read().expect("valid");
-    assert!(loaded.warnings.iter().any(|w| w.contains("1 triangle repeat")), "{:?}", loaded.warnings);
+    assert!(
+        loaded.warnings.iter().any(|w| w.contains("1 triangle repeat")),
+        "{:?}",
+        loaded.warnings
+    );
     let texture = mesh(loaded).texture.expect("kept");
     assert!(texture.pages[0].size().max_element() <= 8192);
 }
@@ -232,7 +257,12 @@ fn materials_of_other_kinds_have_their_colours() {
     );
     add(&mut b, gloss(json!({ "diffuseFactor": [0.8, 0.2, 0.1, 1] })), PLAIN, &[]);
     let black = json!({ "baseColorFactor": [0, 0, 0, 1] });
-    add(&mut b, json!({ "pbrMetallicRoughness": black, "emissiveFactor": [0, 1, 0.5] }), PLAIN, &[]);
+    add(
+        &mut b,
+        json!({ "pbrMetallicRoughness": black, "emissiveFactor": [0, 1, 0.5] }),
+        PLAIN,
+        &[],
+    );
     let emits = json!({ "emissiveFactor": [1, 1, 1], "emissiveTexture": { "index": 0 }, "pbrMetallicRoughness": black });
     add(&mut b, emits, PLAIN, &[]);
     let mesh = mesh(b.read().expect("valid"));
@@ -276,7 +306,8 @@ fn instances_are_expanded() {
     let mut b = Builder::triangle();
     let at = b.floats("VEC3", &[0., 0., 0., 5., 0., 0., 0., 7., 0.]);
     let scale = b.floats("VEC3", &[1., 1., 1., 2., 2., 2., 1., 1., -1.]);
-    let turn = b.floats("VEC4", &[0., 0., 0., 1., 0., 0., 0.5f32.sqrt(), 0.5f32.sqrt(), 0., 0., 0., 1.]);
+    let turn =
+        b.floats("VEC4", &[0., 0., 0., 1., 0., 0., 0.5f32.sqrt(), 0.5f32.sqrt(), 0., 0., 0., 1.]);
     b.json["nodes"][0]["translation"] = json!([0, 0, 3]);
     b.json["nodes"][0]["extensions"] = json!({ "EXT_mesh_gpu_instancing":
         { "attributes": { "TRANSLATION": at, "SCALE": scale, "ROTATION": turn, "_ID": at } } });

@@ -7,7 +7,8 @@ use trisplat_scene::{Rng, math::real::Real, math::real::V3};
 
 /// Layers of (alpha, value) over a background value, as duals.
 fn blended<R: Real>(alphas: &[R], values: &[R], background: R) -> R {
-    let (mut sum, mut t) = (R::of(0.0), R::of(1.0));
+    let mut sum = R::of(0.0);
+    let mut t = R::of(1.0);
     for (alpha, value) in alphas.iter().zip(values) {
         let (w, after) = window::blend(t, *alpha);
         sum = sum + w * *value;
@@ -44,10 +45,12 @@ fn distortion_grad_is_exact() {
     let m = [0.1, 0.25, 0.3, 0.7];
     let x: [f64; 8] = std::array::from_fn(|i| if i < 4 { w[i] } else { m[i - 4] });
     let dual = duals(x);
-    let (mut loss, mut sums) = (Dual::of(0.0), [Dual::of(0.0); 3]);
+    let mut loss = Dual::of(0.0);
+    let mut sums = [Dual::of(0.0); 3];
     let mut brute = Dual::<8>::of(0.0);
     for i in 0..4 {
-        let (w, m) = (dual[i], dual[i + 4]);
+        let w = dual[i];
+        let m = dual[i + 4];
         loss = loss + window::distortion(w, m, sums);
         sums = [sums[0] + w, sums[1] + w * m, sums[2] + w * m * m];
         for j in 0..i {

@@ -46,14 +46,19 @@ fn metrics_equal_the_values_of_torch_on_pictures_that_are_not_ours() {
     assert!(pairs.len() >= 6);
     for (pair, want) in &pairs {
         let (a, b) = pair.split_once('|').unwrap();
-        let [a, b] = [a, b].map(|stem| RgbImage::load(&folder.join(format!("ref/{stem}.png"))).unwrap());
+        let [a, b] =
+            [a, b].map(|stem| RgbImage::load(&folder.join(format!("ref/{stem}.png"))).unwrap());
         let want = |key: &str| want[key].as_f64().unwrap();
         let psnr = metric::psnr(&a.rgb, &b.rgb, None);
         let ssim = metric::ssim(a.size, &a.rgb, &b.rgb, None);
         let flip = metric::flip(a.size, &a.rgb, &b.rgb, None);
         // The reference values were computed in f32.
         assert!((psnr - want("psnr")).abs() < 1e-5, "{pair}: psnr {psnr}, want {}", want("psnr"));
-        assert!((ssim - want("ssim_3dgs")).abs() < 1e-6, "{pair}: ssim {ssim}, want {}", want("ssim_3dgs"));
+        assert!(
+            (ssim - want("ssim_3dgs")).abs() < 1e-6,
+            "{pair}: ssim {ssim}, want {}",
+            want("ssim_3dgs")
+        );
         assert!((flip - want("flip_ldr_mean")).abs() < 1e-4, "{pair}: flip {flip}");
     }
 }

@@ -13,7 +13,11 @@ use trisplat_scene::{
 fn chain<R: Real>(x: [R; 9], to: [R; 2]) -> R {
     let (focal, center) = camera();
     let s = splat::splat(&corners(x), focal, center);
-    let ratio = window::ratio(&window::ratios(&s.edge, s.shift, splat::incenter(&s) + V2::new(to[0], to[1])));
+    let ratio = window::ratio(&window::ratios(
+        &s.edge,
+        s.shift,
+        splat::incenter(&s) + V2::new(to[0], to[1]),
+    ));
     window::alpha(ratio.max(R::of(1e-6)).log2(), R::of(-0.3), R::of(1.16))
 }
 
@@ -83,12 +87,16 @@ fn lanes_equal_scalars_at_every_level() {
             assert_eq!(largest, x.iter().copied().fold(0.0, f32::max));
             for (i, sum) in sums.iter().enumerate() {
                 let exact = x.iter().map(|x| f64::from(*x)).sum::<f64>() * (i as f64 + 1.0);
-                assert!((f64::from(*sum) / exact - 1.0).abs() < 1e-6, "{level:?} row {i}: {sum} {exact}");
+                assert!(
+                    (f64::from(*sum) / exact - 1.0).abs() < 1e-6,
+                    "{level:?} row {i}: {sum} {exact}"
+                );
             }
             for (i, x) in x.into_iter().enumerate() {
                 let wide = f64::from(x);
                 let log2 = wide.log2();
-                let tolerance = 4e-7 * log2.abs() + if (0.7..1.42).contains(&x) { 1e-9 } else { 1.2e-7 };
+                let tolerance =
+                    4e-7 * log2.abs() + if (0.7..1.42).contains(&x) { 1e-9 } else { 1.2e-7 };
                 assert!((f64::from(out[0][i]) - log2).abs() < tolerance, "{level:?} log2 {x}");
                 let exp2 = (-wide).max(-100.0).exp2();
                 assert!((f64::from(out[1][i]) / exp2 - 1.0).abs() < 2.5e-7, "{level:?} exp2 {x}");
@@ -159,15 +167,17 @@ impl Work for Alpha<'_> {
 fn kernels_on_lanes_equal_kernels_on_f32() {
     for level in LEVELS {
         let mut x = [[0.0f32; LANES]; 11];
-        let mut cases =
-            (0u64..).filter(|c| splat::splat(&corners(triangle(*c)), camera().0, camera().1).inradius > 0.5);
+        let mut cases = (0u64..).filter(|c| {
+            splat::splat(&corners(triangle(*c)), camera().0, camera().1).inradius > 0.5
+        });
         for round in 0..20 {
             for lane in 0..LANES {
                 let t = triangle(cases.next().unwrap_or(round));
                 for (row, value) in x.iter_mut().zip(&t) {
                     row[lane] = *value as f32;
                 }
-                (x[9][lane], x[10][lane]) = (0.3, -0.2);
+                x[9][lane] = 0.3;
+                x[10][lane] = -0.2;
             }
             let mut got = [0.0; LANES];
             dispatch_at(level, Alpha(&x, &mut got));

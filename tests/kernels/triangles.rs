@@ -17,7 +17,8 @@ fn pixels(case: u64, origin: [f64; 2]) -> Vec<([f64; 2], f64, usize)> {
     let rng = Rng::new(case, "pixels", 1);
     (0..12)
         .map(|i| {
-            let p = [0, 1].map(|k| (origin[k as usize] + between(rng, 4 * i + k, -5.0, 5.0)).round() + 0.5);
+            let p = [0, 1]
+                .map(|k| (origin[k as usize] + between(rng, 4 * i + k, -5.0, 5.0)).round() + 0.5);
             (p, between(rng, 4 * i + 2, -1.0, 1.0), (i % 3) as usize)
         })
         .collect()
@@ -30,8 +31,12 @@ fn splat_grad_is_exact() {
         let (focal, center) = camera::<f64>();
         let plain = splat::splat(&corners(x), focal, center);
         let d_inradius = 0.7;
-        let mut d =
-            SplatGrad { ratio: [0.0; 3], moment: [V2::zero(); 3], inradius: d_inradius, by_incenter: 1.0 };
+        let mut d = SplatGrad {
+            ratio: [0.0; 3],
+            moment: [V2::zero(); 3],
+            inradius: d_inradius,
+            by_incenter: 1.0,
+        };
         let dual = splat::splat(&corners(duals(x)), camera().0, camera().1);
         let mut loss = dual.inradius * Dual::of(d_inradius);
         for (p, weight, edge) in pixels(case, [plain.origin.x, plain.origin.y]) {
@@ -53,7 +58,8 @@ fn splat_grad_with_constant_inradius_is_the_reference_form() {
         let x = triangle(case);
         let (focal, center) = camera::<f64>();
         let plain = splat::splat(&corners(x), focal, center);
-        let mut d = SplatGrad { ratio: [0.0; 3], moment: [V2::zero(); 3], inradius: 0.3, by_incenter: 0.0 };
+        let mut d =
+            SplatGrad { ratio: [0.0; 3], moment: [V2::zero(); 3], inradius: 0.3, by_incenter: 0.0 };
         let dual = splat::splat(&corners(duals(x)), camera().0, camera().1);
         let mut loss = Dual::of(0.0);
         for (p, weight, edge) in pixels(case, [plain.origin.x, plain.origin.y]) {
@@ -107,7 +113,8 @@ fn depth_plane_is_the_ray_plane_intersection() {
     for case in 0..CASES {
         let c = corners(triangle(case));
         let (focal, center) = camera::<f64>();
-        let (s, plane) = (splat::splat(&c, focal, center), splat::depth_plane(&c, focal));
+        let s = splat::splat(&c, focal, center);
+        let plane = splat::depth_plane(&c, focal);
         let n = c.edges[0].cross(c.edges[1]);
         for (p, _, _) in pixels(case, [s.origin.x, s.origin.y]) {
             let ray = V3::new((p[0] - center.x) / focal.x, (p[1] - center.y) / focal.y, 1.0);
@@ -134,20 +141,23 @@ fn near_point_grad_is_exact() {
     for case in 0..CASES {
         let rng = Rng::new(case, "near", 0);
         let mut x: [f64; 6] = std::array::from_fn(|i| between(rng, i as u64, -3.0, 3.0));
-        (x[2], x[5]) = (between(rng, 7, 0.5, 3.0), between(rng, 8, -3.0, 0.3));
+        x[2] = between(rng, 7, 0.5, 3.0);
+        x[5] = between(rng, 8, -3.0, 0.3);
         let d = V3::new(0.4, -1.1, 0.6);
         let v = |x: &[Dual<6>], i: usize| V3::new(x[i], x[i + 1], x[i + 2]);
         let dual = duals(x);
         let p = splat::near_point(v(&dual, 0), v(&dual, 3), Dual::of(0.4));
         let loss = p.x * Dual::of(d.x) + p.y * Dual::of(d.y) + p.z * Dual::of(d.z);
-        let (a, b) = splat::near_point_grad(V3::new(x[0], x[1], x[2]), V3::new(x[3], x[4], x[5]), 0.4, d);
+        let (a, b) =
+            splat::near_point_grad(V3::new(x[0], x[1], x[2]), V3::new(x[3], x[4], x[5]), 0.4, d);
         assert!(difference(&loss.d, &[a.x, a.y, a.z, b.x, b.y, b.z]) < 1e-12, "case {case}");
     }
 }
 
 #[test]
 fn clipping_keeps_the_winding_and_the_area() {
-    let v = [[0.0, 0.0, 1.0], [3.0, 0.0, 2.0], [0.0, 2.0, -1.0]].map(|[x, y, z]: [f64; 3]| V3::new(x, y, z));
+    let v = [[0.0, 0.0, 1.0], [3.0, 0.0, 2.0], [0.0, 2.0, -1.0]]
+        .map(|[x, y, z]: [f64; 3]| V3::new(x, y, z));
     for mask in 0..8u8 {
         let front = [0, 1, 2].map(|i| mask >> i & 1 == 1);
         let (pieces, count) = splat::pieces(front);
@@ -155,14 +165,17 @@ fn clipping_keeps_the_winding_and_the_area() {
         for piece in &pieces[..count] {
             assert_eq!(piece[0].from, piece[0].to);
             assert!(
-                piece.iter().all(|c| front[c.from as usize] && (c.from == c.to || !front[c.to as usize]))
+                piece
+                    .iter()
+                    .all(|c| front[c.from as usize] && (c.from == c.to || !front[c.to as usize]))
             );
         }
     }
     // z = 0 cuts corner 2 off; the pieces' areas add up to the area above it.
     let (pieces, count) = splat::pieces([true, true, false]);
     let at = |c: splat::PieceCorner| {
-        let (a, b) = (v[c.from as usize], v[c.to as usize]);
+        let a = v[c.from as usize];
+        let b = v[c.to as usize];
         if c.from == c.to { a } else { splat::near_point(a, b, 0.0) }
     };
     let cross = |p: [V3<f64>; 3]| (p[1] - p[0]).cross(p[2] - p[0]);
@@ -173,8 +186,11 @@ fn clipping_keeps_the_winding_and_the_area() {
         assert!(n.dot(whole) > 0.0);
         sum += n.length();
     }
-    let cut =
-        cross([at(splat::PieceCorner { from: 0, to: 2 }), at(splat::PieceCorner { from: 1, to: 2 }), v[2]])
-            .length();
+    let cut = cross([
+        at(splat::PieceCorner { from: 0, to: 2 }),
+        at(splat::PieceCorner { from: 1, to: 2 }),
+        v[2],
+    ])
+    .length();
     assert!((sum + cut - whole.length()).abs() < 1e-12);
 }

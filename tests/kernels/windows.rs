@@ -8,8 +8,11 @@ use trisplat_scene::{Rng, math::real::Real, math::real::V2};
 fn window_grad_is_exact() {
     for case in 0..CASES {
         let rng = Rng::new(case, "window", 0);
-        let x =
-            [between(rng, 0, 0.02, 1.0), 10f64.powf(between(rng, 1, -2.0, 1.0)), between(rng, 2, -4.0, 0.0)];
+        let x = [
+            between(rng, 0, 0.02, 1.0),
+            10f64.powf(between(rng, 1, -2.0, 1.0)),
+            between(rng, 2, -4.0, 0.0),
+        ];
         let [ratio, sigma, log2_opacity] = duals(x);
         let alpha = window::alpha(ratio.log2(), log2_opacity, sigma);
         let (d_sigma, d_ratio) = window::alpha_grad(x[0], x[0].log2(), x[1], 0.0, alpha.v);
@@ -48,9 +51,14 @@ fn ratio_floor_is_where_the_window_meets_the_cutoff() {
 
 #[test]
 fn exactly_one_edge_is_nearest() {
-    for r in
-        [[1.0, 2.0, 3.0], [2.0, 1.0, 3.0], [3.0, 2.0, 1.0], [1.0, 1.0, 1.0], [2.0, 1.0, 1.0], [1.0, 2.0, 1.0]]
-    {
+    for r in [
+        [1.0, 2.0, 3.0],
+        [2.0, 1.0, 3.0],
+        [3.0, 2.0, 1.0],
+        [1.0, 1.0, 1.0],
+        [2.0, 1.0, 1.0],
+        [1.0, 2.0, 1.0],
+    ] {
         assert_eq!(window::nearest(&r).iter().filter(|m| **m).count(), 1, "{r:?}");
     }
 }
@@ -64,7 +72,8 @@ fn coverage_is_exact_for_edges_and_strips_and_so_is_its_gradient() {
         let half_plane = window::coverage(&[left, far, far]);
         assert!((half_plane.max(0.0) - (left + 0.5).clamp(0.0, 1.0)).abs() < 1e-15);
         for width in [0.02, 0.3, 0.9, 2.0] {
-            let (from, to) = (-left, width - left);
+            let from = -left;
+            let to = width - left;
             let exact = (to.min(0.5) - from.max(-0.5)).max(0.0);
             let strip = window::coverage(&[left, width - left, far]).max(0.0);
             assert!((strip - exact).abs() < 1e-12, "{left} {width}: {strip} {exact}");

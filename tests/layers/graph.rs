@@ -21,8 +21,10 @@ impl Graph {
         let mut graph = Self::default();
         for file in rust_files(src) {
             let relative = file.strip_prefix(src).unwrap().with_extension("");
-            let mut module: Module =
-                relative.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect();
+            let mut module: Module = relative
+                .components()
+                .map(|c| c.as_os_str().to_string_lossy().into_owned())
+                .collect();
             if module.last().is_some_and(|name| name == "mod") || module == ["lib"] {
                 module.pop();
             }
@@ -99,9 +101,12 @@ pub(super) fn circles(edges: &Edges) -> Vec<Vec<Module>> {
     let mut after: BTreeMap<&Module, Vec<&Module>> = BTreeMap::new();
     edges.keys().for_each(|(from, to)| after.entry(from).or_default().push(to));
     let reached = |from| {
-        let (mut seen, mut open) = (BTreeSet::new(), vec![from]);
+        let mut seen = BTreeSet::new();
+        let mut open = vec![from];
         while let Some(module) = open.pop() {
-            open.extend(after.get(module).into_iter().flatten().copied().filter(|next| seen.insert(*next)));
+            open.extend(
+                after.get(module).into_iter().flatten().copied().filter(|next| seen.insert(*next)),
+            );
         }
         seen
     };
@@ -112,8 +117,9 @@ pub(super) fn circles(edges: &Edges) -> Vec<Vec<Module>> {
         if groups.iter().flatten().any(|grouped| grouped == *module) {
             continue;
         }
-        let together =
-            seen.iter().filter(|other| reach.get(**other).is_some_and(|back| back.contains(*module)));
+        let together = seen
+            .iter()
+            .filter(|other| reach.get(**other).is_some_and(|back| back.contains(*module)));
         groups.push(together.map(|other| (*other).clone()).collect());
     }
     groups.sort_by_key(|group| std::cmp::Reverse(group.len()));
@@ -145,7 +151,10 @@ mod tests {
     fn graph(files: &[(&str, &str)]) -> Graph {
         let mut graph = Graph::default();
         for (module, text) in files {
-            graph.add(module.split('/').filter(|s| !s.is_empty()).map(str::to_owned).collect(), text);
+            graph.add(
+                module.split('/').filter(|s| !s.is_empty()).map(str::to_owned).collect(),
+                text,
+            );
         }
         graph
     }
@@ -164,10 +173,13 @@ mod tests {
 
     #[test]
     fn a_parent_that_calls_a_child_which_needs_it_is_a_circle() {
-        let files =
-            [("a", "mod b; fn f() { b::g(); } pub struct A;"), ("a/b", "use super::A; pub fn g() {}")];
+        let files = [
+            ("a", "mod b; fn f() { b::g(); } pub struct A;"),
+            ("a/b", "use super::A; pub fn g() {}"),
+        ];
         assert_eq!(circles(&graph(&files).edges()).len(), 1);
-        let files = [("a", "pub mod b; pub use b::g;"), ("a/b", "use crate::a::g as other; pub fn g() {}")];
+        let files =
+            [("a", "pub mod b; pub use b::g;"), ("a/b", "use crate::a::g as other; pub fn g() {}")];
         assert_eq!(circles(&graph(&files).edges()), Vec::<Vec<Module>>::new());
     }
 }

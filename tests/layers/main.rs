@@ -24,7 +24,8 @@ fn no_files_import_each_other_in_a_circle() {
         for group in circles(&edges) {
             let files = group.iter().map(name).collect::<Vec<_>>().join(", ");
             report += &format!("{}: {} files: {files}\n", src.display(), group.len());
-            let within = edges.iter().filter(|((from, to), _)| group.contains(from) && group.contains(to));
+            let within =
+                edges.iter().filter(|((from, to), _)| group.contains(from) && group.contains(to));
             for ((from, to), paths) in within {
                 let paths: Vec<&str> = paths.iter().map(String::as_str).collect();
                 report += &format!("    {} → {}: {}\n", name(from), name(to), paths.join(", "));
@@ -67,7 +68,8 @@ fn the_table_of_crates_in_the_docs_is_true() {
 #[test]
 fn a_crate_includes_files_of_its_own_folder_only() {
     let mut files = sources();
-    let (mut included, mut at) = (0, 0);
+    let mut included = 0;
+    let mut at = 0;
     while let Some(path) = files.get(at).cloned() {
         at += 1;
         if path.is_dir() {
@@ -79,10 +81,17 @@ fn a_crate_includes_files_of_its_own_folder_only() {
         }
         let text = std::fs::read_to_string(&path).unwrap();
         for part in text.split("include_").skip(1).filter(|part| part.starts_with(['s', 'b'])) {
-            let Some(name) = part.split('"').nth(1).filter(|_| part.contains("!(\"")) else { continue };
+            let Some(name) = part.split('"').nth(1).filter(|_| part.contains("!(\"")) else {
+                continue;
+            };
             let file = path.parent().unwrap().join(name).canonicalize().expect("an included file");
-            let own = path.ancestors().find(|folder| folder.ends_with("src")).unwrap().parent().unwrap();
-            assert!(file.starts_with(own.canonicalize().unwrap()), "{} includes {name}", path.display());
+            let own =
+                path.ancestors().find(|folder| folder.ends_with("src")).unwrap().parent().unwrap();
+            assert!(
+                file.starts_with(own.canonicalize().unwrap()),
+                "{} includes {name}",
+                path.display()
+            );
             included += 1;
         }
     }
@@ -93,7 +102,8 @@ fn a_crate_includes_files_of_its_own_folder_only() {
 #[test]
 fn the_constants_in_the_docs_exist() {
     let mut files = sources();
-    let (mut code, mut at) = (String::new(), 0);
+    let mut code = String::new();
+    let mut at = 0;
     while let Some(path) = files.get(at).cloned() {
         at += 1;
         if path.is_dir() {

@@ -29,7 +29,9 @@ impl Source {
 
 /// Identifiers, `::` and single characters of punctuation. Comments, strings, characters and lifetimes are left out.
 fn tokens(text: &str) -> Vec<String> {
-    let (chars, mut tokens, mut at) = (text.chars().collect::<Vec<char>>(), Vec::new(), 0);
+    let chars = text.chars().collect::<Vec<char>>();
+    let mut tokens = Vec::new();
+    let mut at = 0;
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     while let Some(&c) = chars.get(at) {
         let next = chars.get(at + 1).copied().unwrap_or(' ');
@@ -47,7 +49,9 @@ fn tokens(text: &str) -> Vec<String> {
             let word: String = chars[start..at].iter().collect();
             let hashes = chars[at..].iter().take_while(|c| **c == '#').count();
             match chars.get(at + hashes) {
-                Some('"') if ["r", "br", "cr"].contains(&word.as_str()) => at = after_raw(&chars, at, hashes),
+                Some('"') if ["r", "br", "cr"].contains(&word.as_str()) => {
+                    at = after_raw(&chars, at, hashes)
+                }
                 Some('"') if ["b", "c"].contains(&word.as_str()) && hashes == 0 => {
                     at = after_string(&chars, at, 0)
                 }
@@ -93,7 +97,8 @@ fn after_string(chars: &[char], at: usize, skip: usize) -> usize {
 fn after_raw(chars: &[char], at: usize, hashes: usize) -> usize {
     let mut at = at + hashes + 1;
     while at < chars.len() {
-        let closes = chars[at] == '"' && chars[at + 1..].iter().take_while(|c| **c == '#').count() >= hashes;
+        let closes =
+            chars[at] == '"' && chars[at + 1..].iter().take_while(|c| **c == '#').count() >= hashes;
         at += 1;
         if closes {
             return at + hashes;
@@ -114,7 +119,8 @@ fn after_quote(chars: &[char], at: usize) -> usize {
 /// The tokens without `#[cfg(test)] mod … { … }`; what follows such a module stays.
 fn without_tests(tokens: &[String]) -> Vec<String> {
     const MARK: [&str; 7] = ["#", "[", "cfg", "(", "test", ")", "]"];
-    let (mut kept, mut at) = (Vec::new(), 0);
+    let mut kept = Vec::new();
+    let mut at = 0;
     while at < tokens.len() {
         if tokens[at..].iter().take(MARK.len()).eq(&MARK) {
             let mut item = at + MARK.len();
@@ -170,7 +176,8 @@ impl Reader<'_> {
 
     /// Items and child modules: they are in scope in the whole file, also above themselves.
     fn declarations(&mut self) {
-        const ITEMS: [&str; 8] = ["struct", "enum", "fn", "const", "static", "type", "trait", "mod"];
+        const ITEMS: [&str; 8] =
+            ["struct", "enum", "fn", "const", "static", "type", "trait", "mod"];
         for at in 0..self.tokens.len() {
             if !ITEMS.contains(&self.token(at)) {
                 continue;
@@ -208,7 +215,8 @@ impl Reader<'_> {
     /// Reads `use …;` and returns the place after it.
     fn import(&mut self, at: usize) -> usize {
         let exported = at > 0 && ["pub", ")"].contains(&self.token(at - 1));
-        let (mut leaves, mut end) = (Vec::new(), at + 1);
+        let mut leaves = Vec::new();
+        let mut end = at + 1;
         self.tree(&mut end, Vec::new(), &mut leaves);
         for (name, path) in leaves {
             let Some(path) = self.anchored(path) else { continue };
@@ -271,7 +279,8 @@ impl Reader<'_> {
         if self.token(at + 1) != "::" || (at > 0 && self.token(at - 1) == "::") {
             return at + 1;
         }
-        let (mut path, mut end) = (vec![word.clone()], at + 1);
+        let mut path = vec![word.clone()];
+        let mut end = at + 1;
         let is_name = |word: &str| word.starts_with(|c: char| c.is_alphabetic() || c == '_');
         while self.token(end) == "::" && is_name(self.token(end + 1)) {
             path.push(self.token(end + 1).to_owned());
@@ -312,14 +321,14 @@ mod tests {
     #[test]
     fn braces_aliases_and_globs_are_read() {
         let text = "use crate::{a::b, c::{self, D as E, f::*}}; use super::super::g; use std::fmt;";
-        let wants = ["crate::a::b", "crate::c", "crate::c::D", "crate::c::f", "self::super::super::g"];
+        let wants =
+            ["crate::a::b", "crate::c", "crate::c::D", "crate::c::f", "self::super::super::g"];
         assert_eq!(paths(text), wants);
     }
 
     #[test]
     fn expressions_are_read_through_the_names_in_scope() {
-        let text =
-            "mod child; use crate::a; fn f(x: super::T<'_>) { a::g::<u8>(); child::h(); E::V; '\\''; }";
+        let text = "mod child; use crate::a; fn f(x: super::T<'_>) { a::g::<u8>(); child::h(); E::V; '\\''; }";
         let wants = ["crate::a", "self::super::T", "crate::a::g", "self::child::h"];
         assert_eq!(paths(text), wants);
     }
@@ -338,8 +347,7 @@ mod tests {
 
     #[test]
     fn re_exports_count_where_the_file_works_with_them() {
-        let text =
-            "mod a; pub mod g; pub use a::{B, C}; pub use g::g; pub(crate) use crate::d::*; fn f(b: B) {}";
+        let text = "mod a; pub mod g; pub use a::{B, C}; pub use g::g; pub(crate) use crate::d::*; fn f(b: B) {}";
         let source = Source::parse(text);
         let names: Vec<&str> = source.exports.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(names, ["B", "C", "g", "*"]);

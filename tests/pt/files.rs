@@ -19,7 +19,8 @@ pub(crate) fn entry(name: &str, body: &[u8]) -> Entry {
 
 /// A zip as `torch.save` writes it. Checksum 0 means "not computed", which torch allows.
 pub(crate) fn zip(entries: &[Entry]) -> Vec<u8> {
-    let (mut file, mut directory) = (Vec::new(), Vec::new());
+    let mut file = Vec::new();
+    let mut directory = Vec::new();
     for e in entries {
         let size = e.claims.unwrap_or(e.body.len() as u64);
         let small = u32::try_from(size).unwrap_or(u32::MAX);
@@ -138,7 +139,11 @@ pub(crate) struct Tensor {
     pub(crate) parameter: bool,
 }
 
-pub(crate) fn floats(name: &'static str, shape: &[i64], values: impl IntoIterator<Item = f32>) -> Tensor {
+pub(crate) fn floats(
+    name: &'static str,
+    shape: &[i64],
+    values: impl IntoIterator<Item = f32>,
+) -> Tensor {
     let body: Vec<u8> = values.into_iter().flat_map(f32::to_le_bytes).collect();
     let elements = body.len() as i64 / 4;
     Tensor {
@@ -177,7 +182,8 @@ pub(crate) fn checkpoint(tensors: &[Tensor], more: &[u8]) -> Vec<u8> {
     pickle.0.extend(b"u.");
     let mut entries =
         vec![entry("data.pkl", &pickle.0), entry("byteorder", b"little"), entry("version", b"3\n")];
-    entries.extend(tensors.iter().enumerate().map(|(key, t)| entry(&format!("data/{key}"), &t.body)));
+    entries
+        .extend(tensors.iter().enumerate().map(|(key, t)| entry(&format!("data/{key}"), &t.body)));
     zip(&entries)
 }
 
@@ -229,7 +235,8 @@ impl Folder {
     pub(crate) fn write(&self, bytes: &[u8]) -> PathBuf {
         let path = self.0.path().join("scene.pt");
         let mut options = std::fs::OpenOptions::new();
-        let mut file = options.write(true).create(true).truncate(false).open(&path).expect("writable");
+        let mut file =
+            options.write(true).create(true).truncate(false).open(&path).expect("writable");
         file.write_all(bytes).expect("written");
         file.set_len(bytes.len() as u64).expect("cut");
         path

@@ -1,8 +1,8 @@
 //! Checkpoints made to hurt: code to run, sizes that are promised, damage.
 
 use super::files::{
-    Folder, Pickle, checkpoint, entry, float_item, floats, int_item, mesh_tensors, read, read_bytes, soup,
-    soup_tensors, zip,
+    Folder, Pickle, checkpoint, entry, float_item, floats, int_item, mesh_tensors, read,
+    read_bytes, soup, soup_tensors, zip,
 };
 use proptest::prelude::*;
 use std::io::{Seek, SeekFrom, Write};
@@ -31,8 +31,14 @@ fn unpickling_runs_nothing() {
         [b"cos\nsystem\n".to_vec(), text(&shell), b"\x85\x81".to_vec()].concat(), // NEWOBJ
         [text("os"), text("system"), b"\x93(".to_vec(), text(&shell), b"tR".to_vec()].concat(), // STACK_GLOBAL
         [b"cbuiltins\neval\n(".to_vec(), text("1/0"), b"tR".to_vec()].concat(),
-        [b"csubprocess\nPopen\n(".to_vec(), text(&shell), b"t\x81}".to_vec(), text("a"), b"Nsb".to_vec()]
-            .concat(),
+        [
+            b"csubprocess\nPopen\n(".to_vec(),
+            text(&shell),
+            b"t\x81}".to_vec(),
+            text("a"),
+            b"Nsb".to_vec(),
+        ]
+        .concat(),
         line("ctorch._utils\n_rebuild_tensor_v2\n(NNNNNNtR".to_owned()),
         line("ctorch._utils\n_rebuild_parameter\n)R".to_owned()),
     ];
@@ -53,11 +59,13 @@ fn unpickling_runs_nothing() {
 #[test]
 fn bombs_are_refused_before_anything_is_allocated() {
     let ten_gib = 10u64 << 30;
-    let pickle = |byte: u8, count: usize| [b"\x80\x02".to_vec(), vec![byte; count], b".".to_vec()].concat();
+    let pickle =
+        |byte: u8, count: usize| [b"\x80\x02".to_vec(), vec![byte; count], b".".to_vec()].concat();
     let valid = checkpoint(&soup_tensors(2, 0), b"");
     let bomb = |method: u16, claims: u64, name: &str| {
         let mut bad = entry(name, b"tiny");
-        (bad.method, bad.claims) = (method, Some(claims));
+        bad.method = method;
+        bad.claims = Some(claims);
         zip(&[entry("data.pkl", b"\x80\x02}."), bad])
     };
     let expanded = |shape: Vec<i64>| {

@@ -3,7 +3,9 @@
 mod files;
 mod hostile;
 
-use files::{Folder, Tensor, checkpoint, float_item, floats, int_item, mesh, mesh_tensors, read, read_bytes};
+use files::{
+    Folder, Tensor, checkpoint, float_item, floats, int_item, mesh, mesh_tensors, read, read_bytes,
+};
 use files::{soup, soup_tensors};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
@@ -25,7 +27,11 @@ fn the_authors_layout_is_a_soup_at_any_degree() {
             assert_eq!(soup.sh[i * k], [0, 1, 2].map(|c| (3 * i + c) as f32 * 0.125));
             for j in 1..k {
                 let first = (i * 15 + j - 1) * 3;
-                assert_eq!(soup.sh[i * k + j], [0, 1, 2].map(|c| (first + c) as f32 * 0.001), "{i} {j}");
+                assert_eq!(
+                    soup.sh[i * k + j],
+                    [0, 1, 2].map(|c| (first + c) as f32 * 0.001),
+                    "{i} {j}"
+                );
             }
         }
     }
@@ -54,8 +60,8 @@ fn higher_coefficients_are_not_touched_unless_asked_for() {
 
 #[test]
 fn a_successors_layout_is_a_connected_mesh() {
-    let loaded =
-        read_bytes(&checkpoint(&mesh_tensors(), &float_item("sigma", 1e-4f64.ln())), 3).expect("valid");
+    let loaded = read_bytes(&checkpoint(&mesh_tensors(), &float_item("sigma", 1e-4f64.ln())), 3)
+        .expect("valid");
     let mesh = mesh(&loaded);
     assert_eq!(mesh.indices, [0, 1, 2, 0, 2, 3]);
     assert_eq!(mesh.positions[2], Vec3::new(1.0, 1.0, 0.0));
@@ -70,8 +76,8 @@ fn a_successors_layout_is_a_connected_mesh() {
 
 #[test]
 fn an_unfinished_run_of_a_successor_is_warned_of() {
-    let loaded =
-        read_bytes(&checkpoint(&mesh_tensors(), &float_item("sigma", 0.4f64.ln())), 0).expect("valid");
+    let loaded = read_bytes(&checkpoint(&mesh_tensors(), &float_item("sigma", 0.4f64.ln())), 0)
+        .expect("valid");
     assert!(loaded.warnings.iter().any(|w| w.contains("sigma is 0.400")), "{:?}", loaded.warnings);
 }
 
@@ -134,11 +140,16 @@ fn mismatched_tensors_are_named() {
 #[test]
 fn pipes_are_read_from_a_copy() {
     let folder = Folder::new();
-    let mut source =
-        Source::open(&folder.write(&checkpoint(&soup_tensors(2, 0), b"")), &trisplat::Limits::DEFAULT)
-            .expect("opens");
+    let mut source = Source::open(
+        &folder.write(&checkpoint(&soup_tensors(2, 0), b"")),
+        &trisplat::Limits::DEFAULT,
+    )
+    .expect("opens");
     source.path = PathBuf::from("-");
-    assert_eq!(pt::read(source, &ReadOptions::with_degree(0)).expect("valid").scene.triangle_count(), 2);
+    assert_eq!(
+        pt::read(source, &ReadOptions::with_degree(0)).expect("valid").scene.triangle_count(),
+        2
+    );
 }
 
 #[test]
@@ -146,7 +157,8 @@ fn a_compressed_checkpoint_is_read_unpacked() {
     let folder = Folder::new();
     let path = folder.write(&checkpoint(&soup_tensors(2, 0), b""));
     let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-    std::io::Write::write_all(&mut packed, &std::fs::read(&path).expect("readable")).expect("in memory");
+    std::io::Write::write_all(&mut packed, &std::fs::read(&path).expect("readable"))
+        .expect("in memory");
     let beside = path.with_extension("pt.gz");
     std::fs::write(&beside, packed.finish().expect("in memory")).expect("writable");
     let read = trisplat_formats::read(&beside, &ReadOptions::with_degree(0)).expect("valid");
@@ -155,12 +167,14 @@ fn a_compressed_checkpoint_is_read_unpacked() {
 
 /// Bytes of an array in an uncompressed .npz.
 fn npz_floats(npz: &[u8], name: &str) -> Vec<f32> {
-    let at = npz.windows(name.len()).position(|w| w == name.as_bytes()).expect("the array is there");
+    let at =
+        npz.windows(name.len()).position(|w| w == name.as_bytes()).expect("the array is there");
     let magic = at + npz[at..].windows(6).position(|w| w == b"\x93NUMPY").expect("a .npy");
     let header = u16::from_le_bytes([npz[magic + 8], npz[magic + 9]]) as usize;
     let text = std::str::from_utf8(&npz[magic + 10..magic + 10 + header]).expect("ascii");
     assert!(text.contains("'<f4'") && text.contains("'fortran_order': False"), "{text}");
-    let shape = text.split_once("'shape': (").and_then(|(_, s)| s.split_once(')')).expect("a shape").0;
+    let shape =
+        text.split_once("'shape': (").and_then(|(_, s)| s.split_once(')')).expect("a shape").0;
     let count: usize = shape.split(',').filter_map(|s| s.trim().parse::<usize>().ok()).product();
     let data = magic + 10 + header;
     npz[data..data + 4 * count]
@@ -189,7 +203,8 @@ fn the_guitar_checkpoint_has_its_known_values() {
         assert_eq!(got.len(), wants.len());
         got.iter().zip(wants).map(|(a, b)| ulps(*a, b)).max().unwrap_or(0)
     };
-    let (sigma, opacity) = (worst(&soup.sigma, "sigma.npy"), worst(&soup.opacity, "opacity.npy"));
+    let sigma = worst(&soup.sigma, "sigma.npy");
+    let opacity = worst(&soup.opacity, "opacity.npy");
     assert!(sigma <= 3 && opacity <= 2, "sigma {sigma} ulp, opacity {opacity} ulp");
     // The same triangles as a mesh: 16 bytes per vertex, x y z f32 and rgba u8.
     let ply = std::fs::read(format!("{folder}/guitar_tri.ply")).expect("beside it");

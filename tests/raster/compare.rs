@@ -14,24 +14,34 @@ pub(crate) const MARGIN: f64 = 2e-4;
 pub(crate) fn frame_values(f: &Frame, i: usize) -> [f64; 10] {
     let [r, g, b] = f.rgb[i];
     let [x, y, z] = f.normal[i];
-    [r, g, b, f.transmittance[i], f.depth[i], f.median_depth[i], x, y, z, f.distortion[i]].map(f64::from)
+    [r, g, b, f.transmittance[i], f.depth[i], f.median_depth[i], x, y, z, f.distortion[i]]
+        .map(f64::from)
 }
 
-pub(crate) const NAMES: [&str; 10] = ["r", "g", "b", "T", "depth", "median", "nx", "ny", "nz", "distortion"];
+pub(crate) const NAMES: [&str; 10] =
+    ["r", "g", "b", "T", "depth", "median", "nx", "ny", "nz", "distortion"];
 
 /// Compares a frame with the oracle; returns the largest error, relative to the value or to 1, and the share of pixels
 /// left out.
-pub(crate) fn compare(soup: &Soup, camera: &Camera, options: &SoftOptions, tolerance: f64) -> (f64, f64) {
+pub(crate) fn compare(
+    soup: &Soup,
+    camera: &Camera,
+    options: &SoftOptions,
+    tolerance: f64,
+) -> (f64, f64) {
     let mut soft = SoftRasterizer::new();
     let frame = soft.render(&SoupRef::from(soup), camera, options).clone();
     let picture = oracle::render(&plain(soup), &oracle_camera(camera), &rules(options));
-    let (mut worst, mut left_out) = (0.0f64, 0);
+    let mut worst = 0.0f64;
+    let mut left_out = 0;
     for (i, pixel) in picture.iter().enumerate() {
         if pixel.margin < MARGIN {
             left_out += 1;
             continue;
         }
-        for ((got, want), name) in frame_values(&frame, i).into_iter().zip(pixel_values(pixel)).zip(NAMES) {
+        for ((got, want), name) in
+            frame_values(&frame, i).into_iter().zip(pixel_values(pixel)).zip(NAMES)
+        {
             let error = (got - want).abs() / want.abs().max(1.0);
             assert!(error < tolerance, "{name} of pixel {i}: {got} instead of {want}");
             worst = worst.max(error);
@@ -46,14 +56,18 @@ pub(crate) fn compare_importance(soup: &Soup, soft: &SoftRasterizer, picture: &[
     soft.accumulate_importance(&mut importance);
     for t in 0..soup.len() {
         let weights = || picture.iter().map(|p| p.weights[t]);
-        let (sum, max) = (weights().sum::<f64>(), weights().fold(0.0, f64::max));
+        let sum = weights().sum::<f64>();
+        let max = weights().fold(0.0, f64::max);
         assert!(
             (f64::from(importance.sum_weight[t]) - sum).abs() < 1e-3 * sum.max(1.0) + 0.02,
             "triangle {t}"
         );
         assert!((f64::from(importance.max_weight[t]) - max).abs() < 5e-3, "triangle {t}");
         let pixels = weights().filter(|w| *w > 0.0).count() as i64;
-        assert!((i64::from(importance.pixels[t]) - pixels).abs() <= 1 + pixels / 100, "triangle {t}");
+        assert!(
+            (i64::from(importance.pixels[t]) - pixels).abs() <= 1 + pixels / 100,
+            "triangle {t}"
+        );
     }
 }
 
@@ -93,21 +107,30 @@ pub(crate) fn compare_grads(
     soft.backward(&SoupRef::from(soup), camera, options, &d, &mut grad);
     assert_eq!(grad.dropped, 0);
     let k = soup.sh_count();
-    let all: Vec<_> =
-        (0..soup.len()).map(|t| (exact_grad(soup, t, camera, options, &d), soup_grad(&grad, t, k))).collect();
+    let all: Vec<_> = (0..soup.len())
+        .map(|t| (exact_grad(soup, t, camera, options, &d), soup_grad(&grad, t, k)))
+        .collect();
     let mut worst = 0.0f64;
-    for (name, range) in [("vertices", 0..9), ("opacity", 9..10), ("sigma", 10..11), ("sh", 11..11 + 3 * k)] {
+    for (name, range) in
+        [("vertices", 0..9), ("opacity", 9..10), ("sigma", 10..11), ("sh", 11..11 + 3 * k)]
+    {
         if name == "sigma" && matches!(options.window, Window::Coverage { .. }) {
             assert!(all.iter().all(|(_, got)| got[10] == 0.0));
             continue;
         }
-        let size = all.iter().flat_map(|(e, _)| &e[range.clone()]).fold(0.0f64, |m, x| m.max(x.abs()));
+        let size =
+            all.iter().flat_map(|(e, _)| &e[range.clone()]).fold(0.0f64, |m, x| m.max(x.abs()));
         assert!(size > 0.0, "nothing to compare");
         for (t, (exact, got)) in all.iter().enumerate() {
             for n in range.clone() {
                 let own = exact[range.clone()].iter().fold(0.0f64, |m, x| m.max(x.abs()));
                 let error = (exact[n] - got[n]).abs() / own.max(0.02 * size);
-                assert!(error < tolerance, "{name} of {t}, entry {n}: {} instead of {}", got[n], exact[n]);
+                assert!(
+                    error < tolerance,
+                    "{name} of {t}, entry {n}: {} instead of {}",
+                    got[n],
+                    exact[n]
+                );
                 worst = worst.max(error);
             }
         }

@@ -12,23 +12,30 @@ fn the_same_bits_for_any_number_of_threads() {
         let one = draw(&soup, &camera([150, 90]), &o, 1);
         assert!(one.importance.pixels.iter().any(|&n| n > 0));
         for threads in [2, 3, 8] {
-            assert!(one == draw(&soup, &camera([150, 90]), &o, threads), "{o:?}, {threads} threads");
+            assert!(
+                one == draw(&soup, &camera([150, 90]), &o, threads),
+                "{o:?}, {threads} threads"
+            );
         }
     }
 }
 
 #[test]
 fn reused_scratch_memory_changes_nothing() {
-    let (a, b) = (random_soup(22, 300, 1), random_soup(23, 200, 1));
-    let (wide, tall) = (camera([60, 40]), camera([20, 70]));
+    let a = random_soup(22, 300, 1);
+    let b = random_soup(23, 200, 1);
+    let wide = camera([60, 40]);
+    let tall = camera([20, 70]);
     let o = options();
     let mut soft = SoftRasterizer::new();
     let mut grad = SoupGrad::default();
     for (soup, camera) in [(&a, &wide), (&b, &tall), (&a, &tall), (&a, &wide)] {
         let reused = soft.render(&SoupRef::from(soup), camera, &o).clone();
-        let d = FrameGrad { d_rgb: vec![[1.0, 0.5, -0.5]; reused.rgb.len()], ..FrameGrad::default() };
+        let d =
+            FrameGrad { d_rgb: vec![[1.0, 0.5, -0.5]; reused.rgb.len()], ..FrameGrad::default() };
         soft.backward(&SoupRef::from(soup), camera, &o, &d, &mut grad);
-        let (mut fresh, mut fresh_grad) = (SoftRasterizer::new(), SoupGrad::default());
+        let mut fresh = SoftRasterizer::new();
+        let mut fresh_grad = SoupGrad::default();
         assert!(reused == *fresh.render(&SoupRef::from(soup), camera, &o));
         fresh.backward(&SoupRef::from(soup), camera, &o, &d, &mut fresh_grad);
         assert!(grad == fresh_grad);

@@ -51,7 +51,8 @@ fn triangles_across_the_near_plane_are_clipped() {
     let (worst, left_out) = compare(&soup, &camera([37, 29]), &options(), CLIPPED_FRAME);
     eprintln!("largest error {worst:.1e}, {:.1}% near a jump", left_out * 100.0);
     assert!(left_out < LEFT_OUT);
-    let frame = SoftRasterizer::new().render(&SoupRef::from(&soup), &camera([37, 29]), &options()).clone();
+    let frame =
+        SoftRasterizer::new().render(&SoupRef::from(&soup), &camera([37, 29]), &options()).clone();
     assert!(frame.transmittance.iter().filter(|t| **t < 0.9).count() > 200);
 }
 
@@ -98,7 +99,8 @@ fn coverage_approaches_the_share_of_samples() {
     let sampled = SoftRasterizer::new().render(&SoupRef::from(&soup), &fine, &points).clone();
     let mut square = 0.0;
     for (i, got) in covered.rgb.iter().enumerate() {
-        let (x, y) = (i % 40 * 16, i / 40 * 16);
+        let x = i % 40 * 16;
+        let y = i / 40 * 16;
         for (c, got) in got.iter().enumerate() {
             let at = |k: usize| sampled.rgb[(y + k / 16) * 640 + x + k % 16][c];
             let mean = (0..256).map(at).sum::<f32>() / 256.0;

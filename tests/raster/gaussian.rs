@@ -8,7 +8,8 @@ use trisplat_scene::{Rng, ScreenFilter, Splats, camera::Camera};
 type Flat = (f64, DVec2, DMat2, f64, DVec3);
 
 fn flatten(splats: &Splats, camera: &Camera, near: f64) -> Vec<Flat> {
-    let (rotation, focal) = (camera.rotation.as_dmat3(), camera.focal.as_dvec2());
+    let rotation = camera.rotation.as_dmat3();
+    let focal = camera.focal.as_dvec2();
     let eye = -(rotation.transpose() * camera.translation.as_dvec3());
     let guard = camera.size.as_dvec2() / focal * 0.65;
     let mut flat = Vec::new();
@@ -19,7 +20,8 @@ fn flatten(splats: &Splats, camera: &Camera, near: f64) -> Vec<Flat> {
             continue;
         }
         let own = DMat3::from_quat(splats.rotations[i].as_dquat().normalize());
-        let squares = DMat3::from_diagonal(splats.scales[i].as_dvec3() * splats.scales[i].as_dvec3());
+        let squares =
+            DMat3::from_diagonal(splats.scales[i].as_dvec3() * splats.scales[i].as_dvec3());
         let solid = rotation * own * squares * own.transpose() * rotation.transpose();
         let t = (at.truncate() / at.z).clamp(-guard, guard);
         let rows = [
@@ -35,7 +37,13 @@ fn flatten(splats: &Splats, camera: &Camera, near: f64) -> Vec<Flat> {
         };
         let middle = at.truncate() / at.z * focal + camera.center.as_dvec2();
         let opacity = f64::from(splats.opacity[i]) * kept;
-        flat.push((at.z, middle, blurred.inverse(), opacity, color(splats, i, (world - eye).normalize())));
+        flat.push((
+            at.z,
+            middle,
+            blurred.inverse(),
+            opacity,
+            color(splats, i, (world - eye).normalize()),
+        ));
     }
     flat.sort_by(|a, b| a.0.total_cmp(&b.0));
     flat
@@ -58,7 +66,8 @@ fn brute_force(splats: &Splats, camera: &Camera, options: &GaussianOptions) -> V
     let mut picture = Vec::new();
     for y in 0..camera.size.y {
         for x in 0..camera.size.x {
-            let (mut rgb, mut through) = (DVec3::ZERO, 1.0);
+            let mut rgb = DVec3::ZERO;
+            let mut through = 1.0;
             for (_, middle, inverse, opacity, color) in &flat {
                 let d = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) - *middle;
                 let alpha = (opacity * (-0.5 * d.dot(*inverse * d)).exp()).min(0.99);
@@ -68,7 +77,9 @@ fn brute_force(splats: &Splats, camera: &Camera, options: &GaussianOptions) -> V
                 rgb += *color * alpha * through;
                 through *= 1.0 - alpha;
             }
-            picture.push((rgb + Vec3::from(options.background).as_dvec3() * through).as_vec3().to_array());
+            picture.push(
+                (rgb + Vec3::from(options.background).as_dvec3() * through).as_vec3().to_array(),
+            );
         }
     }
     picture
@@ -109,7 +120,8 @@ fn camera(eye: Vec3, center: Vec2) -> Camera {
 
 /// The difference that 99.9% of the numbers of two pictures stay below, and the largest one.
 fn differences(a: &[[f32; 3]], b: &[[f32; 3]]) -> (f32, f32) {
-    let mut all: Vec<f32> = a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).collect();
+    let mut all: Vec<f32> =
+        a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).collect();
     all.sort_by(f32::total_cmp);
     (all[all.len() * 999 / 1000], all[all.len() - 1])
 }
@@ -123,12 +135,14 @@ fn pictures_are_those_of_brute_force_from_outside_and_inside_and_off_centre() {
         camera(Vec3::new(3.0, 0.2, 1.0), Vec2::new(10.0, 70.0)),
         camera(Vec3::new(0.1, 0.1, -0.3), Vec2::new(60.0, 12.0)),
     ];
-    for (seed, filter) in [(1, ScreenFilter::DILATED), (2, ScreenFilter::ANTIALIASED), (3, ScreenFilter::MIP)]
+    for (seed, filter) in
+        [(1, ScreenFilter::DILATED), (2, ScreenFilter::ANTIALIASED), (3, ScreenFilter::MIP)]
     {
         let splats = Splats { filter, ..random(400, seed) };
         for view in &views {
             let frame = draw(&splats, view, &options);
-            let (nearly_all, worst) = differences(&frame.rgb, &brute_force(&splats, view, &options));
+            let (nearly_all, worst) =
+                differences(&frame.rgb, &brute_force(&splats, view, &options));
             assert!(nearly_all < 1e-4 && worst < 1.0 / 255.0, "{filter:?}: {nearly_all} {worst}");
             assert!(frame.transmittance.iter().any(|t| *t < 0.5), "something is seen");
         }
@@ -145,8 +159,8 @@ fn a_disc_and_a_needle_across_the_picture_are_drawn_exactly() {
         sh: vec![[1.0, 0.2, -1.0], [-1.0, 1.0, 0.5]],
         ..Splats::default()
     };
-    let (view, options) =
-        (camera(Vec3::new(0.0, 0.0, -3.0), Vec2::new(40.0, 30.0)), GaussianOptions::default());
+    let view = camera(Vec3::new(0.0, 0.0, -3.0), Vec2::new(40.0, 30.0));
+    let options = GaussianOptions::default();
     let frame = draw(&splats, &view, &options);
     let (_, worst) = differences(&frame.rgb, &brute_force(&splats, &view, &options));
     assert!(worst < 2e-4, "{worst}");
@@ -157,8 +171,11 @@ fn pictures_do_not_depend_on_the_number_of_threads_and_ties_go_by_index() {
     let mut splats = random(3000, 4);
     // All at one depth: what lies in front is what comes first in the file.
     splats.positions.iter_mut().for_each(|p| p.z = 0.0);
-    let view =
-        Camera { rotation: Mat3::IDENTITY, translation: Vec3::Z * 3.0, ..camera(Vec3::X, Vec2::splat(30.0)) };
+    let view = Camera {
+        rotation: Mat3::IDENTITY,
+        translation: Vec3::Z * 3.0,
+        ..camera(Vec3::X, Vec2::splat(30.0))
+    };
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| draw(&splats, &view, &GaussianOptions::default()))

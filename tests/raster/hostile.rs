@@ -24,7 +24,10 @@ fn hostile() -> Vec<(&'static str, Soup)> {
         ("points", with(&|_, v, _, _| *v = [v[0]; 3])),
         ("segments", with(&|_, v, _, _| v[2] = v[0] + (v[1] - v[0]) * 0.3)),
         ("two equal corners", with(&|i, v, _, _| v[i % 3] = v[(i + 1) % 3])),
-        ("slivers", with(&|i, v, _, _| v[2] = (v[0] + v[1]) * 0.5 + Vec3::X * 10f32.powi(-(i as i32 % 12)))),
+        (
+            "slivers",
+            with(&|i, v, _, _| v[2] = (v[0] + v[1]) * 0.5 + Vec3::X * 10f32.powi(-(i as i32 % 12))),
+        ),
         ("edge on", with(&|_, v, _, _| v[2] = v[0] * 1.5)),
         ("through the camera", with(&|i, v, _, _| v[i % 3] = Vec3::new(-0.3, 0.1, -0.4))),
         ("corners on the near plane", with(&|i, v, _, _| v[i % 3].z = 0.0)),
@@ -60,22 +63,34 @@ fn hostile() -> Vec<(&'static str, Soup)> {
 fn hostile_scenes_stay_finite() {
     for (name, soup) in hostile() {
         for sort in [Sort::Tile, Sort::Pixel] {
-            for (size, cap, near) in [([37, 29], 0.99, 0.01), ([1, 1], 1.0, 1e-6), ([16, 5], 1.0, 1e-30)] {
+            for (size, cap, near) in
+                [([37, 29], 0.99, 0.01), ([1, 1], 1.0, 1e-6), ([16, 5], 1.0, 1e-30)]
+            {
                 for ratio_least in [0.0, 1e-3] {
                     let o = SoftOptions { sort, alpha_cap: cap, near, ratio_least, ..options() };
                     let Outputs { frame, grad, .. } = draw(&soup, &camera(size), &o, 1);
                     let finite = |v: &[f32]| v.iter().all(|x| x.is_finite());
                     let colors = frame.rgb.as_flattened().iter().chain(frame.normal.as_flattened());
                     assert!(colors.copied().all(f32::is_finite), "{name} {o:?}");
-                    assert!(finite(&frame.transmittance) && finite(&frame.distortion), "{name} {o:?}");
+                    assert!(
+                        finite(&frame.transmittance) && finite(&frame.distortion),
+                        "{name} {o:?}"
+                    );
                     assert!(finite(&frame.depth) && finite(&frame.median_depth), "{name} {o:?}");
                     assert!(finite(&grad.opacity) && finite(&grad.sigma), "{name} {o:?}");
-                    assert!(grad.vertices.as_flattened().iter().all(|v| v.is_finite()), "{name} {o:?}");
+                    assert!(
+                        grad.vertices.as_flattened().iter().all(|v| v.is_finite()),
+                        "{name} {o:?}"
+                    );
                     assert!(finite(grad.sh.as_flattened()), "{name} {o:?}");
                     let tame = ["sigma", "opacity", "points", "behind", "all equal"]
                         .iter()
                         .any(|n| name.starts_with(n));
-                    assert!(!tame || grad.dropped == 0, "{name}: {} gradients dropped", grad.dropped);
+                    assert!(
+                        !tame || grad.dropped == 0,
+                        "{name}: {} gradients dropped",
+                        grad.dropped
+                    );
                 }
             }
         }
@@ -95,7 +110,8 @@ fn equal_depths_are_drawn_by_index() {
             sh_degree: 0,
             ..Soup::default()
         };
-        let straight = Camera { rotation: Mat3::IDENTITY, translation: Vec3::ZERO, ..camera([21, 21]) };
+        let straight =
+            Camera { rotation: Mat3::IDENTITY, translation: Vec3::ZERO, ..camera([21, 21]) };
         let o = SoftOptions { alpha_cap: 1.0, background: [0.0; 3], sort, ..options() };
         let frame = SoftRasterizer::new().render(&SoupRef::from(&soup), &straight, &o).clone();
         assert!(frame.rgb[10 * 21 + 10][0] > 0.99, "{sort:?}");
@@ -108,7 +124,11 @@ fn tiny_triangles_fade_and_do_not_vanish() {
     // One corner on each side of the centre pixel's centre, at ever smaller sizes.
     let z = 3.0;
     let to_world = |x: f32, y: f32| {
-        Vec3::new((x - camera.center.x) / camera.focal.x * z, (y - camera.center.y) / camera.focal.y * z, z)
+        Vec3::new(
+            (x - camera.center.x) / camera.focal.x * z,
+            (y - camera.center.y) / camera.focal.y * z,
+            z,
+        )
     };
     let mut last = 1.0;
     for step in 0..60 {
@@ -122,7 +142,8 @@ fn tiny_triangles_fade_and_do_not_vanish() {
             sh_degree: 0,
             ..Soup::default()
         };
-        let frame = SoftRasterizer::new().render(&SoupRef::from(&soup), &camera, &options()).clone();
+        let frame =
+            SoftRasterizer::new().render(&SoupRef::from(&soup), &camera, &options()).clone();
         let alpha = 1.0 - frame.transmittance[10 * 21 + 10];
         assert!(alpha <= last + 1e-4 && last - alpha < 0.2, "at {r} px: {last} to {alpha}");
         last = alpha;

@@ -14,8 +14,9 @@ pub(crate) fn random_soup(seed: u64, count: usize, degree: u8) -> Soup {
         let at = |n: u64, lo: f32, hi: f32| lo + (hi - lo) * rng.uniform(n);
         let center = Vec3::new(at(0, -1.2, 1.2), at(1, -1.0, 1.0), at(2, 2.5, 6.0));
         let size = 10f32.powf(at(3, -0.9, 0.3));
-        let corner =
-            |n: u64| center + size * Vec3::new(at(n, -1.0, 1.0), at(n + 1, -1.0, 1.0), at(n + 2, -0.6, 0.6));
+        let corner = |n: u64| {
+            center + size * Vec3::new(at(n, -1.0, 1.0), at(n + 1, -1.0, 1.0), at(n + 2, -0.6, 0.6))
+        };
         soup.vertices.push([corner(4), corner(7), corner(10)]);
         soup.opacity.push(at(13, 0.1, 1.0));
         soup.sigma.push(10f32.powf(at(14, -1.5, 0.8)));

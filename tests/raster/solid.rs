@@ -3,7 +3,9 @@
 
 use glam::{Mat3, Quat, UVec2, Vec2, Vec3};
 use trisplat_oracle::ray_caster::{FaceAt, RayFace, ray};
-use trisplat_raster::solid::{Barycentrics, NO_FACE, SolidRasterOptions, SolidRasterizer, Visibility};
+use trisplat_raster::solid::{
+    Barycentrics, NO_FACE, SolidRasterOptions, SolidRasterizer, Visibility,
+};
 use trisplat_scene::{
     Rng,
     camera::Camera,
@@ -41,7 +43,8 @@ fn compare(name: &str, mesh: &Mesh, camera: &Camera, options: &SolidRasterOption
         for x in 0..drawn.size.x {
             let at = (y * drawn.size.x + x) as usize;
             let ray = ray(camera, options.samples, x, y);
-            let seen = faces.iter().enumerate().filter_map(|(f, face)| Some((f as u32, face.at(ray)?)));
+            let seen =
+                faces.iter().enumerate().filter_map(|(f, face)| Some((f as u32, face.at(ray)?)));
             let seen: Vec<(u32, FaceAt)> = seen.collect();
             let nearest = seen.iter().filter(|(_, s)| s.covers() && s.w < 1.0 / near);
             let nearest = nearest.max_by(|a, b| a.1.w.total_cmp(&b.1.w).then(b.0.cmp(&a.0)));
@@ -106,7 +109,8 @@ fn cloud(seed: u64, count: usize, depth: f32, small: f32, large: f32) -> Vec<[Ve
     let one = |i: usize| {
         let rng = Rng::new(seed, "cloud", i as u64);
         let at = |n: u64| rng.uniform(n) * 2.0 - 1.0;
-        let center = Vec3::new(at(0), at(1), 0.0) * depth * 0.7 + Vec3::Z * depth * (1.0 + 0.5 * at(2));
+        let center =
+            Vec3::new(at(0), at(1), 0.0) * depth * 0.7 + Vec3::Z * depth * (1.0 + 0.5 * at(2));
         let size = small * (large / small).powf(rng.uniform(3));
         [4, 7, 10].map(|n| center + size * Vec3::new(at(n), at(n + 1), at(n + 2)))
     };
@@ -128,7 +132,10 @@ fn scenes() -> Vec<(&'static str, Vec<[Vec3; 3]>)> {
         ("around the camera", cloud(5, 100, 0.0, 0.1, 8.0)),
         ("huge", cloud(6, 40, 5.0, 1e3, 1e5)),
         ("slivers", cloud(7, 400, 4.0, 0.3, 4.0).into_iter().map(sliver).collect()),
-        ("slivers around the camera", cloud(12, 200, 0.0, 1.0, 50.0).into_iter().map(sliver).collect()),
+        (
+            "slivers around the camera",
+            cloud(12, 200, 0.0, 1.0, 50.0).into_iter().map(sliver).collect(),
+        ),
         ("degenerate", flat),
         ("behind", cloud(13, 50, -4.0, 0.1, 1.0)),
         ("nothing", Vec::new()),
@@ -138,8 +145,11 @@ fn scenes() -> Vec<(&'static str, Vec<[Vec3; 3]>)> {
 #[test]
 fn every_sample_sees_what_the_oracle_sees() {
     for (name, corners) in scenes() {
-        for (samples, size) in [(1, UVec2::new(57, 38)), (2, UVec2::new(27, 17)), (4, UVec2::new(14, 8))] {
-            let options = SolidRasterOptions { samples, near: 0.05, ..SolidRasterOptions::default() };
+        for (samples, size) in
+            [(1, UVec2::new(57, 38)), (2, UVec2::new(27, 17)), (4, UVec2::new(14, 8))]
+        {
+            let options =
+                SolidRasterOptions { samples, near: 0.05, ..SolidRasterOptions::default() };
             let differ = compare(name, &mesh(corners.clone()), &camera(size), &options);
             eprintln!("{name}, {samples} samples: {:.3}% differ", 100.0 * differ);
             // The band is narrow: where edges are not everywhere, hardly a sample lies in it.
@@ -154,7 +164,8 @@ fn a_world_far_from_its_origin_is_drawn_as_sharply() {
     let size = UVec2::new(60, 40);
     for (far, angle) in [(1e6, 0.0), (1e6, 1.2), (3e4, 2.5)] {
         let offset = Vec3::new(far, -far, 0.5 * far);
-        let rotation = Mat3::from_quat(Quat::from_axis_angle(Vec3::new(1.0, 2.0, -0.5).normalize(), angle));
+        let rotation =
+            Mat3::from_quat(Quat::from_axis_angle(Vec3::new(1.0, 2.0, -0.5).normalize(), angle));
         // Single-precision coordinates are 1/16 apart there, so everything is larger, but the camera is near enough
         // for its position to matter to less than that.
         let corners = cloud(14, 200, 40.0, 2.0, 30.0).into_iter();
@@ -179,10 +190,13 @@ fn net(depth: impl Fn(f32, f32) -> f32) -> Mesh {
     let positions: Vec<Vec3> = (0..SIDE * SIDE).map(point).collect();
     let mut indices = Vec::new();
     for corner in (0..SIDE * (SIDE - 1)).filter(|i| i % SIDE + 1 < SIDE).map(|i| i as u32) {
-        let (below, side) = (corner + SIDE as u32, SIDE as u32);
+        let below = corner + SIDE as u32;
+        let side = SIDE as u32;
         indices.extend([corner, corner + 1, below, below, corner + 1, corner + 1 + side]);
     }
-    let colors = Colors::Vertex(positions.iter().map(|p| [p.x, p.y, p.z].map(|c| c.fract().abs())).collect());
+    let colors = Colors::Vertex(
+        positions.iter().map(|p| [p.x, p.y, p.z].map(|c| c.fract().abs())).collect(),
+    );
     Mesh { positions, colors, indices, ..Mesh::default() }
 }
 
@@ -199,8 +213,10 @@ fn neighbours_neither_gap_nor_overlap() {
         (net(tilt), Vec2::new(40_000.0, 30_000.0)),
     ];
     for (mesh, focal) in scenes {
-        let camera = Camera { focal, center: Vec2::new(43.25, 38.25), ..camera(UVec2::new(96, 64)) };
-        let options = SolidRasterOptions { near: 1e-5, samples: 2, ..SolidRasterOptions::default() };
+        let camera =
+            Camera { focal, center: Vec2::new(43.25, 38.25), ..camera(UVec2::new(96, 64)) };
+        let options =
+            SolidRasterOptions { near: 1e-5, samples: 2, ..SolidRasterOptions::default() };
         let mut solid = SolidRasterizer::new();
         let mut covers = vec![0; 4 * 96 * 64];
         for face in 0..mesh.face_count() {
@@ -219,11 +235,13 @@ fn samples_on_an_edge_belong_to_the_triangle_on_their_lower_right() {
     let camera = Camera { focal: Vec2::ONE, center: Vec2::ZERO, ..camera(UVec2::splat(10)) };
     let at = |x: f32, y: f32| Vec3::new(x + 0.5, y + 0.5, 1.0);
     let square = |scale: f32| {
-        let [a, b, c, d] = [at(2.0, 2.0), at(6.0, 2.0), at(6.0, 6.0), at(2.0, 6.0)].map(|v| v * scale);
+        let [a, b, c, d] =
+            [at(2.0, 2.0), at(6.0, 2.0), at(6.0, 6.0), at(2.0, 6.0)].map(|v| v * scale);
         vec![[a, b, c], [a, d, c]]
     };
     let mut solid = SolidRasterizer::new();
-    let drawn = solid.visibility(&mesh(square(1.0)), &camera, &SolidRasterOptions::default()).clone();
+    let drawn =
+        solid.visibility(&mesh(square(1.0)), &camera, &SolidRasterOptions::default()).clone();
     for y in 0..10 {
         for x in 0..10 {
             let inside = (2..6).contains(&x) && (2..6).contains(&y);
@@ -276,7 +294,8 @@ fn mean(
 ) -> [u8; 3] {
     let mut sum = [0.0f64; 3];
     for k in 0..samples * samples {
-        let (sx, sy) = (x * samples + k % samples, y * samples + k / samples);
+        let sx = x * samples + k % samples;
+        let sy = y * samples + k / samples;
         let face = drawn.face[(sy * drawn.size.x + sx) as usize];
         let weights = barycentrics(drawn, mesh, camera, sx, sy);
         for c in 0..3 {
@@ -298,13 +317,17 @@ fn the_picture_does_not_depend_on_the_number_of_threads() {
     corners.extend(cloud(17, 300, 4.0, 0.1, 4.0));
     // Twice, so that there are ties.
     corners.extend_from_within(..);
-    let (mesh, camera) = (mesh(corners), camera(UVec2::new(150, 100)));
+    let mesh = mesh(corners);
+    let camera = camera(UVec2::new(150, 100));
     let options = SolidRasterOptions { samples: 2, ..SolidRasterOptions::default() };
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let mut solid = SolidRasterizer::new();
-            (solid.render(&mesh, &camera, &options), solid.visibility(&mesh, &camera, &options).clone())
+            (
+                solid.render(&mesh, &camera, &options),
+                solid.visibility(&mesh, &camera, &options).clone(),
+            )
         })
     };
     let one = run(1);
@@ -319,7 +342,8 @@ fn reused_scratch_memory_changes_nothing() {
     let mut used = SolidRasterizer::new();
     for (name, corners) in scenes() {
         for size in [UVec2::new(40, 90), UVec2::new(130, 20), UVec2::ONE] {
-            let (mesh, camera) = (mesh(corners.clone()), camera(size));
+            let mesh = mesh(corners.clone());
+            let camera = camera(size);
             let fresh = SolidRasterizer::new().render(&mesh, &camera, &options);
             assert!(used.render(&mesh, &camera, &options) == fresh, "{name}");
         }

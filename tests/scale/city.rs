@@ -43,7 +43,10 @@ fn planned() -> TempDir {
     let made = MADE.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
         samples::photos(folder.path().join("photos"), [30, 64, 800], 0);
-        succeed(folder.path(), &[&["plan", "photos", "-o", "city", "--blocks", "3"], &TRAINING[..]].concat());
+        succeed(
+            folder.path(),
+            &[&["plan", "photos", "-o", "city", "--blocks", "3"], &TRAINING[..]].concat(),
+        );
         folder
     });
     let folder = tempfile::tempdir().unwrap();
@@ -62,7 +65,8 @@ fn ending(folder: &Path, ending: &str) -> BTreeSet<PathBuf> {
 }
 
 fn blocks(city: &Path) -> Vec<PathBuf> {
-    let is_block = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().starts_with("block-");
+    let is_block =
+        |path: &PathBuf| path.file_name().unwrap().to_string_lossy().starts_with("block-");
     ending(city, ".ply").into_iter().filter(is_block).collect()
 }
 
@@ -74,7 +78,10 @@ fn one_block_is_a_plain_run() {
         folder.path(),
         &[&["train", "photos", "-o", "plain.ply", "--teacher", "off"], &options[..]].concat(),
     );
-    succeed(folder.path(), &[&["plan", "photos", "-o", "one", "--blocks", "1"], &options[..]].concat());
+    succeed(
+        folder.path(),
+        &[&["plan", "photos", "-o", "one", "--blocks", "1"], &options[..]].concat(),
+    );
     succeed(folder.path(), &["train", "--block", "one:0"]);
     succeed(folder.path(), &["merge", "one", "-o", "merged.ply"]);
     assert!(bytes(folder.path(), "plain.ply") == bytes(folder.path(), "merged.ply"));
@@ -84,14 +91,20 @@ fn one_block_is_a_plain_run() {
 fn a_plan_is_a_function_of_its_inputs() {
     let folder = planned();
     let again =
-        [&["plan", "photos", "-o", "again", "--blocks", "3", "--threads", "1"], &TRAINING[..]].concat();
+        [&["plan", "photos", "-o", "again", "--blocks", "3", "--threads", "1"], &TRAINING[..]]
+            .concat();
     succeed(folder.path(), &again);
-    assert!(bytes(folder.path(), "city/manifest.json") == bytes(folder.path(), "again/manifest.json"));
-    let manifest: Value = serde_json::from_slice(&bytes(folder.path(), "city/manifest.json")).unwrap();
+    assert!(
+        bytes(folder.path(), "city/manifest.json") == bytes(folder.path(), "again/manifest.json")
+    );
+    let manifest: Value =
+        serde_json::from_slice(&bytes(folder.path(), "city/manifest.json")).unwrap();
     let blocks = manifest["blocks"].as_array().unwrap();
     assert_eq!(blocks.len(), 3);
     for block in blocks {
-        assert!(block["photos"].as_array().unwrap().len() >= 3 && block["steps"].as_u64().unwrap() > 0);
+        assert!(
+            block["photos"].as_array().unwrap().len() >= 3 && block["steps"].as_u64().unwrap() > 0
+        );
         assert!(block["frozen"].as_u64().unwrap() > 0, "the rest of the scene is drawn");
     }
     fail(folder.path(), &again, &["manifest.json", "--force"]);
@@ -102,18 +115,22 @@ fn where_the_photos_lie_changes_no_block() {
     let folder = planned();
     let moved = tempfile::tempdir().unwrap();
     copy_folder(&folder.path().join("photos"), &moved.path().join("elsewhere/pictures"));
-    let plan = [&["plan", "elsewhere/pictures", "-o", "city", "--blocks", "3"], &TRAINING[..]].concat();
+    let plan =
+        [&["plan", "elsewhere/pictures", "-o", "city", "--blocks", "3"], &TRAINING[..]].concat();
     succeed(moved.path(), &plan);
     let manifest = |folder: &Path| {
-        let mut manifest: Value = serde_json::from_slice(&bytes(folder, "city/manifest.json")).unwrap();
+        let mut manifest: Value =
+            serde_json::from_slice(&bytes(folder, "city/manifest.json")).unwrap();
         (manifest["dataset"].take(), manifest)
     };
-    let ((here, one), (there, other)) = (manifest(folder.path()), manifest(moved.path()));
+    let (here, one) = manifest(folder.path());
+    let (there, other) = manifest(moved.path());
     assert_eq!((here, there), ("../photos".into(), "../elsewhere/pictures".into()));
     assert_eq!(one, other);
     // A block is the same file, wherever it was trained; what is made of all of them names its photos.
     for place in [&folder, &moved] {
-        (0..3).for_each(|i| drop(succeed(place.path(), &["train", "--block", &format!("city:{i}")])));
+        (0..3)
+            .for_each(|i| drop(succeed(place.path(), &["train", "--block", &format!("city:{i}")])));
         succeed(place.path(), &["merge", "city", "-o", "city.ply"]);
     }
     let files = |place: &TempDir| -> Vec<Vec<u8>> {
@@ -121,7 +138,8 @@ fn where_the_photos_lie_changes_no_block() {
     };
     assert!(files(&folder) == files(&moved));
     let merged =
-        trisplat_formats::read(&moved.path().join("city.ply"), &trisplat::ReadOptions::default()).unwrap();
+        trisplat_formats::read(&moved.path().join("city.ply"), &trisplat::ReadOptions::default())
+            .unwrap();
     assert_eq!(merged.provenance.source.as_deref(), Some("pictures"));
 }
 
@@ -132,8 +150,10 @@ fn tasks_that_are_killed_end_with_the_same_bytes() {
     (0..3).for_each(|i| {
         drop(succeed(folder.path(), &["train", "--block", &format!("city/manifest.json:{i}")]))
     });
-    let whole: Vec<(PathBuf, Vec<u8>)> =
-        blocks(&city).into_iter().map(|path| (path.clone(), std::fs::read(path).unwrap())).collect();
+    let whole: Vec<(PathBuf, Vec<u8>)> = blocks(&city)
+        .into_iter()
+        .map(|path| (path.clone(), std::fs::read(path).unwrap()))
+        .collect();
     assert_eq!(whole.len(), 3);
     let said = succeed(folder.path(), &["train", "--block", "city:1"]);
     assert!(said.contains("already exists"), "{said}");
@@ -143,8 +163,10 @@ fn tasks_that_are_killed_end_with_the_same_bytes() {
     // Stopped in good order, again and again; then killed at once. What is done goes on elsewhere, on another number of threads.
     let mut stops = 0;
     loop {
-        let stopped =
-            run(folder.path(), &["train", "--block", "city:0", "--threads", "1", "--max-cpu-secs", "0.01"]);
+        let stopped = run(
+            folder.path(),
+            &["train", "--block", "city:0", "--threads", "1", "--max-cpu-secs", "0.01"],
+        );
         assert!(stopped.status.success(), "{}", stderr(&stopped));
         if whole[0].0.is_file() {
             break;
@@ -156,7 +178,9 @@ fn tasks_that_are_killed_end_with_the_same_bytes() {
     for (i, patience) in [(1, 5), (1, 25), (1, 60), (2, 40)] {
         let block = format!("city:{i}");
         let mut child =
-            command(folder.path(), &["train", "--block", &block, "--checkpoint-every", "2"]).spawn().unwrap();
+            command(folder.path(), &["train", "--block", &block, "--checkpoint-every", "2"])
+                .spawn()
+                .unwrap();
         std::thread::sleep(std::time::Duration::from_millis(patience));
         child.kill().unwrap();
         child.wait().unwrap();
@@ -176,18 +200,23 @@ fn a_task_reads_its_own_photos_and_no_points() {
     let train = |folder: &Path| succeed(folder, &["train", "--block", "city:1"]);
     train(folder.path());
     let result = blocks(&folder.path().join("city")).pop().unwrap();
-    let (name, trained) = (result.file_name().unwrap(), std::fs::read(&result).unwrap());
-    let manifest: Value = serde_json::from_slice(&bytes(folder.path(), "city/manifest.json")).unwrap();
+    let name = result.file_name().unwrap();
+    let trained = std::fs::read(&result).unwrap();
+    let manifest: Value =
+        serde_json::from_slice(&bytes(folder.path(), "city/manifest.json")).unwrap();
     let shown: Vec<&str> = manifest["blocks"][1]["photos"]
         .as_array()
         .unwrap()
         .iter()
-        .map(|p| manifest["photos"][p["photo"].as_u64().unwrap() as usize]["name"].as_str().unwrap())
+        .map(|p| {
+            manifest["photos"][p["photo"].as_u64().unwrap() as usize]["name"].as_str().unwrap()
+        })
         .collect();
     let bare = planned();
     std::fs::write(bare.path().join("photos/points.ply"), "no points any more").unwrap();
     let others = ending(&bare.path().join("photos/images"), ".png");
-    let others = others.iter().filter(|p| !shown.contains(&p.file_name().unwrap().to_str().unwrap()));
+    let others =
+        others.iter().filter(|p| !shown.contains(&p.file_name().unwrap().to_str().unwrap()));
     assert!(others.map(|path| std::fs::remove_file(path).unwrap()).count() > 0);
     train(bare.path());
     assert!(std::fs::read(bare.path().join("city").join(name)).unwrap() == trained);
@@ -200,7 +229,8 @@ fn what_no_photo_shows_is_left_out_and_its_triangles_go_to_the_others() {
     let sparse = folder.path().join("photos/sparse/0");
     let edit = |name: &str, line: &dyn Fn(usize, &str) -> String| {
         let text = std::fs::read_to_string(sparse.join(name)).unwrap();
-        let edited: String = text.lines().enumerate().map(|(i, text)| line(i, text) + "\n").collect();
+        let edited: String =
+            text.lines().enumerate().map(|(i, text)| line(i, text) + "\n").collect();
         std::fs::write(sparse.join(name), edited).unwrap();
     };
     edit("images.txt", &|i, text| match text.split(' ').collect::<Vec<_>>()[..] {
@@ -222,7 +252,8 @@ fn what_no_photo_shows_is_left_out_and_its_triangles_go_to_the_others() {
     let more = ["--set", "init.shell_subdivisions=0", "--steps", "60", "--max-triangles", "3001"];
     let said = succeed(folder.path(), &[&plan[..], &more[..]].concat());
     assert!(said.contains("of 16 blocks are left out: no photo shows them"), "{said}");
-    let manifest: Value = serde_json::from_slice(&bytes(folder.path(), "corner/manifest.json")).unwrap();
+    let manifest: Value =
+        serde_json::from_slice(&bytes(folder.path(), "corner/manifest.json")).unwrap();
     let blocks = manifest["blocks"].as_array().unwrap();
     assert!((1..16).contains(&blocks.len()), "{}", blocks.len());
     assert_eq!(blocks.iter().map(|b| b["core_triangles"].as_u64().unwrap()).sum::<u64>(), 3001);
@@ -232,7 +263,11 @@ fn what_no_photo_shows_is_left_out_and_its_triangles_go_to_the_others() {
 fn blocks_become_one_scene_and_one_tileset() {
     let folder = planned();
     let city = folder.path().join("city");
-    fail(folder.path(), &["merge", "city", "-o", "city.ply"], &["3 of 3 blocks", "trisplat train --block"]);
+    fail(
+        folder.path(),
+        &["merge", "city", "-o", "city.ply"],
+        &["3 of 3 blocks", "trisplat train --block"],
+    );
     (0..3).for_each(|i| drop(succeed(folder.path(), &["train", "--block", &format!("city:{i}")])));
     let status = run(folder.path(), &["plan", "--status", "city"]);
     assert!(String::from_utf8_lossy(&status.stdout).contains("3 of 3 blocks done"));
@@ -241,12 +276,18 @@ fn blocks_become_one_scene_and_one_tileset() {
     // Every triangle is owned once: as many as there are in the file, in as many places.
     let options = trisplat::ReadOptions::default();
     let scene = trisplat_formats::read(&folder.path().join("city.ply"), &options).unwrap();
-    let digits: String = said.split(": ").nth(1).unwrap().chars().take_while(|c| *c != ' ').collect();
+    let digits: String =
+        said.split(": ").nth(1).unwrap().chars().take_while(|c| *c != ' ').collect();
     assert_eq!(scene.scene.triangle_count().to_string(), digits.replace(',', ""), "{said}");
-    let read = |path: &PathBuf| trisplat_formats::read(path, &options).unwrap().scene.triangle_count();
+    let read =
+        |path: &PathBuf| trisplat_formats::read(path, &options).unwrap().scene.triangle_count();
     let trained: usize = blocks(&city).iter().map(read).sum();
-    assert!(scene.scene.triangle_count() < trained && scene.scene.shell_count() > 0, "halos are left out");
-    let manifest: Value = serde_json::from_slice(&bytes(folder.path(), "city/manifest.json")).unwrap();
+    assert!(
+        scene.scene.triangle_count() < trained && scene.scene.shell_count() > 0,
+        "halos are left out"
+    );
+    let manifest: Value =
+        serde_json::from_slice(&bytes(folder.path(), "city/manifest.json")).unwrap();
     assert_eq!(scene.cameras.len(), manifest["photos"].as_array().unwrap().len());
 
     let tiles = ["-o", "city.tileset.json", "--set", "tile_triangles=1000", "--set", "reshape=off"];
@@ -275,12 +316,17 @@ fn collect(tile: &Value, above: f64, uris: &mut Vec<String>) {
 fn what_is_not_as_it_was_planned_is_refused() {
     let folder = planned();
     fail(folder.path(), &["train", "--block", "city:3"], &["block is 3", "0 to 2"]);
-    let manifest: Value = serde_json::from_slice(&bytes(folder.path(), "city/manifest.json")).unwrap();
-    let most =
-        manifest["blocks"].as_array().unwrap().iter().map(|b| b["expected"]["bytes"].as_u64().unwrap());
+    let manifest: Value =
+        serde_json::from_slice(&bytes(folder.path(), "city/manifest.json")).unwrap();
+    let most = manifest["blocks"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|b| b["expected"]["bytes"].as_u64().unwrap());
     let memory = format!("{}B", most.max().unwrap() - 1);
     let small =
-        [&["plan", "photos", "-o", "small", "--blocks", "3", "--memory", &memory], &TRAINING[..]].concat();
+        [&["plan", "photos", "-o", "small", "--blocks", "3", "--memory", &memory], &TRAINING[..]]
+            .concat();
     fail(folder.path(), &small, &["what block ", "is expected to take", "--blocks"]);
     assert!(!folder.path().join("small/manifest.json").exists());
     // What no photo could change is refused before any is looked for.
@@ -288,7 +334,8 @@ fn what_is_not_as_it_was_planned_is_refused() {
     fail(folder.path(), &blind, &["the largest block, even without photos,", "--blocks"]);
     assert!(!folder.path().join("blind").exists());
 
-    let files = std::fs::read_dir(folder.path().join("city")).unwrap().map(|entry| entry.unwrap().path());
+    let files =
+        std::fs::read_dir(folder.path().join("city")).unwrap().map(|entry| entry.unwrap().path());
     let is_start = |path: &std::path::PathBuf| {
         path.file_name().unwrap().to_str().is_some_and(|name| name.starts_with("start-0001-"))
     };

@@ -9,7 +9,8 @@ use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::{Core, Part, RunOptions, TrainPreset, TrainRun, checkpoint};
 
 fn photos(folder: &Path) -> Dataset {
-    let options = SyntheticOptions { views: 12, width: 48, points: 300, ..SyntheticOptions::default() };
+    let options =
+        SyntheticOptions { views: 12, width: 48, points: 300, ..SyntheticOptions::default() };
     trisplat_synthetic::write(folder, &options).unwrap();
     Dataset::load(folder, &DatasetOptions::default()).unwrap()
 }
@@ -26,8 +27,11 @@ fn options(preset: TrainPreset) -> TrainOptions {
 
 /// A soft scene, without a shell.
 fn soft(dataset: &Dataset) -> ImportedScene {
-    let mut options =
-        TrainOptions { steps: 60, max_triangles: 400, ..TrainOptions::preset(TrainPreset::Outdoor) };
+    let mut options = TrainOptions {
+        steps: 60,
+        max_triangles: 400,
+        ..TrainOptions::preset(TrainPreset::Outdoor)
+    };
     options.init.shell_subdivisions = 0;
     train(dataset, &options, &mut |_| Continue(())).unwrap().into()
 }
@@ -71,7 +75,12 @@ fn frozen_triangles_stay_as_they_are_and_count_for_nothing() {
         let own = soup(&from).len() - frozen;
         let options = TrainOptions { max_triangles: own as u64, ..options(preset) };
         let part = Some(Part { space: space(&dataset), frozen, core: None, first_step: 0 });
-        let run = TrainRun { from: Some(from.clone()), part, outputs, ..TrainRun::new(&dataset, &options) };
+        let run = TrainRun {
+            from: Some(from.clone()),
+            part,
+            outputs,
+            ..TrainRun::new(&dataset, &options)
+        };
         let trained = run.run(&mut |_| Continue(())).unwrap();
         assert!((1..=own).contains(&trained.soup.len()), "{} of {own}", trained.soup.len());
         let state = checkpoint::read(&checkpoint_at).unwrap().state;
@@ -81,12 +90,16 @@ fn frozen_triangles_stay_as_they_are_and_count_for_nothing() {
         for i in 0..frozen {
             let corners = first.vertices[i].map(|corner| space.to_training(corner));
             assert!((0..3).all(|c| state.params.vertices[i][c].distance(corners[c]) < 1e-5), "{i}");
-            assert_eq!((state.params.opacity[i], state.params.sigma[i]), (first.opacity[i], first.sigma[i]));
+            assert_eq!(
+                (state.params.opacity[i], state.params.sigma[i]),
+                (first.opacity[i], first.sigma[i])
+            );
             let k = state.params.sh_count();
             assert_eq!(state.params.sh[i * k..(i + 1) * k], first.sh[i * k..(i + 1) * k]);
         }
         // A run that goes on has the same part.
-        let resumed = TrainRun::from_checkpoint(&dataset, checkpoint::read(&checkpoint_at).unwrap());
+        let resumed =
+            TrainRun::from_checkpoint(&dataset, checkpoint::read(&checkpoint_at).unwrap());
         assert_eq!(resumed.run(&mut |_| Continue(())).unwrap().soup, trained.soup);
     }
 }
@@ -123,10 +136,13 @@ fn middle(corners: &[Vec3; 3]) -> Vec3 {
 fn a_run_that_goes_on_begins_with_what_it_was_given() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = photos(folder.path());
-    let options = TrainOptions { steps: 600, max_triangles: 400, ..TrainOptions::preset(TrainPreset::Solid) };
+    let options =
+        TrainOptions { steps: 600, max_triangles: 400, ..TrainOptions::preset(TrainPreset::Solid) };
     let whole = TrainRun::new(&dataset, &options);
-    let first: ImportedScene =
-        TrainRun { until_step: Some(240), ..whole.clone() }.run(&mut |_| Continue(())).unwrap().into();
+    let first: ImportedScene = TrainRun { until_step: Some(240), ..whole.clone() }
+        .run(&mut |_| Continue(()))
+        .unwrap()
+        .into();
     assert!(soup(&first).sigma.iter().all(|sigma| *sigma < 0.5), "its anneal has come some way");
     let part = Some(Part { space: space(&dataset), frozen: 0, core: None, first_step: 240 });
     let rest = TrainRun { from: Some(first.clone()), part, until_step: Some(241), ..whole };
@@ -134,7 +150,8 @@ fn a_run_that_goes_on_begins_with_what_it_was_given() {
     assert_eq!((rest.steps, rest.soup.len()), (241, soup(&first).len()));
     // One step further on nothing looks much different.
     for i in 0..rest.soup.len() {
-        let (before, after) = (soup(&first), &rest.soup);
+        let before = soup(&first);
+        let after = &rest.soup;
         assert!(
             (before.opacity[i] - after.opacity[i]).abs() < 0.2,
             "{i}: {} {}",
@@ -155,9 +172,11 @@ fn a_part_of_a_view_is_that_part_of_its_photo() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = photos(folder.path());
     let view = &dataset.views[3];
-    let (corner, size) = (UVec2::new(8, 4), UVec2::new(20, 16));
+    let corner = UVec2::new(8, 4);
+    let size = UVec2::new(20, 16);
     let part = view.cropped(corner, size).unwrap();
-    let (whole, cut) = (view.photo.decode().unwrap(), part.photo.decode().unwrap());
+    let whole = view.photo.decode().unwrap();
+    let cut = part.photo.decode().unwrap();
     assert_eq!(cut.size, size);
     for y in 0..size.y {
         for x in 0..size.x {

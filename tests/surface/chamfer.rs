@@ -25,15 +25,19 @@ struct Points(HashMap<IVec3, Vec<Vec3>>);
 impl Points {
     fn new(points: &[Vec3]) -> Self {
         let mut cells: HashMap<IVec3, Vec<Vec3>> = HashMap::new();
-        points.iter().for_each(|p| cells.entry((*p / CELL).floor().as_ivec3()).or_default().push(*p));
+        points
+            .iter()
+            .for_each(|p| cells.entry((*p / CELL).floor().as_ivec3()).or_default().push(*p));
         Self(cells)
     }
 
     /// Distance from `p` to the nearest of them, at most [`CELL`].
     fn distance(&self, p: Vec3) -> f32 {
         let cell = (p / CELL).floor().as_ivec3();
-        let around = (-1..=1).flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| (x, y, z))));
-        let near = around.filter_map(|(x, y, z)| self.0.get(&(cell + IVec3::new(x, y, z)))).flatten();
+        let around =
+            (-1..=1).flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| (x, y, z))));
+        let near =
+            around.filter_map(|(x, y, z)| self.0.get(&(cell + IVec3::new(x, y, z)))).flatten();
         near.map(|q| q.distance(p)).fold(CELL, f32::min)
     }
 }
@@ -42,7 +46,8 @@ impl Points {
 fn truth(cameras: &[Camera], step: f32) -> Vec<Vec3> {
     let mut points = Vec::new();
     for camera in cameras {
-        let (origin, back) = (camera.position().as_dvec3(), camera.rotation.transpose());
+        let origin = camera.position().as_dvec3();
+        let back = camera.rotation.transpose();
         let count = (camera.size.as_vec2() / step).as_uvec2();
         for (x, y) in (0..count.y).flat_map(|y| (0..count.x).map(move |x| (x, y))) {
             let at = (glam::Vec2::new(x as f32, y as f32) + 0.5) * step;
@@ -72,7 +77,8 @@ fn samples(mesh: &Mesh, spacing: f32) -> Vec<Vec3> {
 
 /// Mean and median of the distances from about [`ASKED`] of `points` to `others`.
 fn distances(points: &[Vec3], others: &[Vec3]) -> (f64, f64) {
-    let (others, step) = (Points::new(others), (points.len() / ASKED).max(1));
+    let others = Points::new(others);
+    let step = (points.len() / ASKED).max(1);
     let mut all: Vec<f32> = points.par_iter().step_by(step).map(|p| others.distance(*p)).collect();
     all.sort_unstable_by(f32::total_cmp);
     (all.iter().map(|d| f64::from(*d)).sum::<f64>() / all.len() as f64, all[all.len() / 2].into())
@@ -85,14 +91,17 @@ fn the_trained_sample_is_near_the_truth() {
     let dataset = Dataset::load(here.join("samples/dataset"), &DatasetOptions::default()).unwrap();
     assert_eq!(dataset.origin, DVec3::ZERO);
     let cameras: Vec<Camera> = dataset.train().map(|view| view.camera).collect();
-    let scene = read(&here.join("samples/soups/trained.ply"), &ReadOptions::with_degree(0)).unwrap();
-    let (coarse, fine) = (truth(&cameras, 2.0), truth(&cameras, 0.5));
+    let scene =
+        read(&here.join("samples/soups/trained.ply"), &ReadOptions::with_degree(0)).unwrap();
+    let coarse = truth(&cameras, 2.0);
+    let fine = truth(&cameras, 0.5);
     // More in a longer run: TRISPLAT_RESOLUTIONS=128,256,512.
     let asked = std::env::var("TRISPLAT_RESOLUTIONS").unwrap_or("128".into());
     for resolution in asked.split(',').map(|n| n.parse().unwrap()) {
         let options = SurfaceOptions { resolution: Some(resolution), ..SurfaceOptions::DEFAULT };
         let (mesh, details) = made(&scene, &cameras, &options);
-        let (mesh, voxel) = (mesh.unwrap(), details.voxel);
+        let mesh = mesh.unwrap();
+        let voxel = details.voxel;
         let accuracy = distances(&samples(&mesh, voxel as f32), &fine);
         let completeness = distances(&coarse, &samples(&mesh, voxel as f32 / 3.0));
         let chamfer = (accuracy.0 + completeness.0) / 2.0;

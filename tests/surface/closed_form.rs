@@ -18,9 +18,11 @@ pub(crate) fn made(
     cameras: &[Camera],
     options: &SurfaceOptions,
 ) -> (Option<Mesh>, SurfaceDetails) {
-    let (mut details, mut nobody) = (SurfaceDetails::default(), |_: StageEvent<'_>| Continue(()));
+    let mut details = SurfaceDetails::default();
+    let mut nobody = |_: StageEvent<'_>| Continue(());
     let mut progress = StageProgress::new(&mut nobody);
-    let mesh = surface(scene, cameras, options, &Limits::DEFAULT, &mut details, &mut progress).unwrap();
+    let mesh =
+        surface(scene, cameras, options, &Limits::DEFAULT, &mut details, &mut progress).unwrap();
     (mesh, details)
 }
 
@@ -41,19 +43,25 @@ const OPTIONS: SurfaceOptions = SurfaceOptions { resolution: Some(64), ..Surface
 #[test]
 fn a_ball_is_round_to_half_a_voxel() {
     let (mesh, details) = made(&ball(Vec3::ZERO).into(), &around(24, 4.0, 240), &OPTIONS);
-    let (mesh, voxel) = (mesh.unwrap(), details.voxel as f32);
+    let mesh = mesh.unwrap();
+    let voxel = details.voxel as f32;
     let off = |p: &Vec3| (p.length() - RADIUS).abs();
     let worst = mesh.positions.iter().map(off).fold(0.0, f32::max);
     let mean = mesh.positions.iter().map(off).sum::<f32>() / mesh.vertex_count() as f32;
     println!("ball: worst {:.3}, mean {:.4} voxels of {voxel}", worst / voxel, mean / voxel);
     assert!(worst < 0.5 * voxel && mean < 0.1 * voxel, "{worst} {mean}");
-    assert!((0..mesh.face_count()).all(|f| normal(&mesh, f).dot(mesh.centroid(f)) > 0.0), "fronts outside");
+    assert!(
+        (0..mesh.face_count()).all(|f| normal(&mesh, f).dot(mesh.centroid(f)) > 0.0),
+        "fronts outside"
+    );
     // Closed: every edge has two faces. Nothing else came out.
     assert_eq!(2 * (mesh.vertex_count() - 2), mesh.face_count(), "Euler's formula for a ball");
     assert_eq!((details.components, details.small, details.pictures), (1, 0, 24));
     let Colors::Vertex(colors) = &mesh.colors else { panic!("a colour per vertex") };
     // Samples up to the truncation, 4 cells, before the surface are coloured by what lies behind them.
-    for (position, color) in mesh.positions.iter().zip(colors).filter(|(p, _)| p.x.abs() > 5.0 * voxel) {
+    for (position, color) in
+        mesh.positions.iter().zip(colors).filter(|(p, _)| p.x.abs() > 5.0 * voxel)
+    {
         let wants = two_colors(*position);
         assert!((0..3).all(|i| (color[i] - wants[i]).abs() < 0.02), "{color:?} at {position}");
     }
@@ -68,20 +76,28 @@ fn a_ball_of_triangles_with_cracks_between_them_is_closed() {
         corners.iter_mut().for_each(|corner| *corner = middle + 0.85 * (*corner - middle));
     }
     let (surface, details) = made(&mesh.into(), &around(24, 4.0, 240), &OPTIONS);
-    let (surface, voxel) = (surface.unwrap(), details.voxel as f32);
+    let surface = surface.unwrap();
+    let voxel = details.voxel as f32;
     let worst = surface.positions.iter().map(|p| (p.length() - RADIUS).abs()).fold(0.0, f32::max);
     println!("ball with cracks: worst {:.3} voxels", worst / voxel);
     assert!(worst < 0.5 * voxel, "{worst} of {voxel}");
-    assert_eq!(2 * (surface.vertex_count() - 2), surface.face_count(), "Euler's formula for a ball");
+    assert_eq!(
+        2 * (surface.vertex_count() - 2),
+        surface.face_count(),
+        "Euler's formula for a ball"
+    );
 }
 
 #[test]
 fn a_cube_is_flat_to_half_a_voxel() {
     // Surface nets cut edges and corners off, by less than a voxel.
     let (mesh, details) = made(&cube().into(), &around(40, 4.5, 240), &OPTIONS);
-    let (mesh, voxel) = (mesh.unwrap(), details.voxel as f32);
-    let flat = |p: &&Vec3| p.abs().cmpgt(Vec3::splat(RADIUS - 2.0 * voxel)).bitmask().count_ones() == 1;
-    let worst = |of: &mut dyn Iterator<Item = &Vec3>| of.map(|p| from_cube(*p)).fold(0.0, f32::max) / voxel;
+    let mesh = mesh.unwrap();
+    let voxel = details.voxel as f32;
+    let flat =
+        |p: &&Vec3| p.abs().cmpgt(Vec3::splat(RADIUS - 2.0 * voxel)).bitmask().count_ones() == 1;
+    let worst =
+        |of: &mut dyn Iterator<Item = &Vec3>| of.map(|p| from_cube(*p)).fold(0.0, f32::max) / voxel;
     let sides = worst(&mut mesh.positions.iter().filter(flat));
     let all = worst(&mut mesh.positions.iter());
     println!("cube: sides {sides:.3}, edges and corners {all:.3} voxels of {voxel}");
@@ -96,7 +112,8 @@ fn nothing_is_made_up_where_nobody_looked() {
     let eyes = [Vec3::new(0.0, 0.0, -4.0), Vec3::new(1.0, 0.3, -3.8), Vec3::new(-1.0, -0.3, -3.8)];
     let cameras = eyes.map(|eye| camera(eye, 160));
     let (mesh, details) = made(&ball(Vec3::ZERO).into(), &cameras, &OPTIONS);
-    let (mesh, voxel) = (mesh.unwrap(), details.voxel as f32);
+    let mesh = mesh.unwrap();
+    let voxel = details.voxel as f32;
     assert!(mesh.positions.iter().all(|p| (p.length() - RADIUS).abs() < voxel && p.z < 0.1));
     let front = mesh.positions.iter().filter(|p| p.z < -0.9).count();
     assert!(front > 100 && mesh.face_count() < 2 * mesh.vertex_count() - 4, "{front}: it is open");
@@ -109,7 +126,10 @@ fn a_budget_is_met_and_keeps_the_shape() {
     let mesh = mesh.unwrap();
     assert!(mesh.face_count() <= 500 && mesh.face_count() > 400, "{}", mesh.face_count());
     let worst = mesh.positions.iter().map(|p| (p.length() - RADIUS).abs()).fold(0.0, f32::max);
-    assert!(worst < 0.02 && details.simplification_error.is_some_and(|e| e < 0.05), "{worst} {details:?}");
+    assert!(
+        worst < 0.02 && details.simplification_error.is_some_and(|e| e < 0.05),
+        "{worst} {details:?}"
+    );
     mesh.validate().unwrap();
 }
 
@@ -151,7 +171,8 @@ fn a_soup_has_the_surface_of_its_triangles_without_its_shell() {
         let options = SurfaceOptions { shell: with_shell, ..OPTIONS };
         let (mesh, details) = made(&loaded, &around(24, 5.0, 240), &options);
         let voxel = details.voxel as f32;
-        let worst = mesh.unwrap().positions.iter().map(|p| (p.length() - radius).abs()).fold(0.0, f32::max);
+        let worst =
+            mesh.unwrap().positions.iter().map(|p| (p.length() - radius).abs()).fold(0.0, f32::max);
         println!("soup of radius {radius}: worst {:.3} voxels", worst / voxel);
         assert!(worst < 0.5 * voxel, "{worst} of {voxel}");
     }
@@ -178,7 +199,9 @@ fn hostile_scenes_make_no_surface_and_no_panic() {
     let nothing = ImportedScene::from(Mesh::default());
     assert_eq!(made(&nothing, &around(4, 3.0, 32), &OPTIONS).0, None);
     assert_eq!(made(&nothing, &[], &OPTIONS).0, None);
-    let away = around(4, 3.0, 32).into_iter().map(|c| c.looking(c.position(), c.position() * 2.0, Vec3::Y));
+    let away = around(4, 3.0, 32)
+        .into_iter()
+        .map(|c| c.looking(c.position(), c.position() * 2.0, Vec3::Y));
     assert_eq!(made(&ball(Vec3::ZERO).into(), &away.collect::<Vec<_>>(), &OPTIONS).0, None);
     let mut broken = ball(Vec3::ZERO);
     broken.positions.iter_mut().step_by(7).for_each(|p| p.y = f32::MAX);
@@ -187,7 +210,8 @@ fn hostile_scenes_make_no_surface_and_no_panic() {
 
 #[test]
 fn what_does_not_fit_is_an_error() {
-    let (mut details, mut nobody) = (SurfaceDetails::default(), |_: StageEvent<'_>| Continue(()));
+    let mut details = SurfaceDetails::default();
+    let mut nobody = |_: StageEvent<'_>| Continue(());
     let mut tried = |options: SurfaceOptions, limits: Limits| {
         let scene = ball(Vec3::ZERO).into();
         let mut progress = StageProgress::new(&mut nobody);
@@ -195,7 +219,10 @@ fn what_does_not_fit_is_an_error() {
     };
     let small = Limits { array_bytes: 10_000, ..Limits::DEFAULT };
     let message = tried(OPTIONS, small).unwrap_err().to_string();
-    assert!(message.contains("the distance field") && message.contains("array_bytes="), "{message}");
+    assert!(
+        message.contains("the distance field") && message.contains("array_bytes="),
+        "{message}"
+    );
     for (options, field) in [
         (SurfaceOptions { voxel: Some(1e-9), ..OPTIONS }, "voxel"),
         (SurfaceOptions { voxel: Some(f64::NAN), ..OPTIONS }, "voxel"),

@@ -22,15 +22,21 @@ fn scene() -> ImportedScene {
 }
 
 fn run(found: &mut Option<Mesh>, scene: &ImportedScene, options: &CollisionOptions) -> Outcome<()> {
-    let (mut details, mut nobody) = (CollisionDetails::default(), |_: StageEvent<'_>| Continue(()));
-    collision(found, scene, &[], options, &mut details, &mut StageProgress::new(&mut nobody)).unwrap()
+    let mut details = CollisionDetails::default();
+    let mut nobody = |_: StageEvent<'_>| Continue(());
+    collision(found, scene, &[], options, &mut details, &mut StageProgress::new(&mut nobody))
+        .unwrap()
 }
 
 #[test]
 fn it_is_made_once_and_when_it_is_asked_for() {
     let mut found = None;
-    let skipped = |outcome: Outcome<()>, why: &str| matches!(outcome, Outcome::Skipped(w) if w.contains(why));
-    assert!(skipped(run(&mut found, &scene(), &CollisionOptions::DEFAULT), "`collision` was not asked for"));
+    let skipped =
+        |outcome: Outcome<()>, why: &str| matches!(outcome, Outcome::Skipped(w) if w.contains(why));
+    assert!(skipped(
+        run(&mut found, &scene(), &CollisionOptions::DEFAULT),
+        "`collision` was not asked for"
+    ));
     assert_eq!(found, None);
     assert_eq!(run(&mut found, &scene(), &COLLISION), Outcome::Changed(()));
     assert!(found.as_ref().is_some_and(|mesh| (1..=1000).contains(&mesh.face_count())));
@@ -48,7 +54,8 @@ fn it_is_made_once_and_when_it_is_asked_for() {
 /// The ball as it is baked: twice as large, on the ground.
 fn baked() -> Asset {
     let mut options = BakeOptions { collision: COLLISION, ..BakeOptions::default() };
-    (options.place.scale, options.place.rotate) = (2.0, 30.0);
+    options.place.scale = 2.0;
+    options.place.rotate = 30.0;
     let mut report = Report::default();
     let asset = Bake::new(&options).report(&mut report).run([scene()]).unwrap();
     let details: CollisionDetails = report.details().unwrap();
@@ -80,24 +87,34 @@ fn it_lies_where_the_scene_lies() {
 fn every_target_has_it_where_its_engine_looks() {
     let asset = baked();
     let faces = asset.collision.as_ref().unwrap().face_count();
-    for target in [OutputTarget::Gltf, OutputTarget::Unity, OutputTarget::Godot, OutputTarget::Godot3] {
+    for target in
+        [OutputTarget::Gltf, OutputTarget::Unity, OutputTarget::Godot, OutputTarget::Godot3]
+    {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("scene.glb");
-        let written = write(&asset, &path, &OutputOptions { target, ..OutputOptions::DEFAULT }).unwrap();
+        let written =
+            write(&asset, &path, &OutputOptions { target, ..OutputOptions::DEFAULT }).unwrap();
         let beside = path.with_extension("collision.glb");
         let names = nodes(&path);
         // A viewer of ours draws the scene only.
         assert_eq!(mesh(&path).face_count(), asset.mesh.face_count());
         if target.has_collision_node() {
-            assert!(!beside.exists() && names.iter().any(|name| name == "collision-colonly"), "{names:?}");
+            assert!(
+                !beside.exists() && names.iter().any(|name| name == "collision-colonly"),
+                "{names:?}"
+            );
             let document = gltf::Gltf::open(&path).unwrap();
-            let node = document.nodes().find(|node| node.name() == Some("collision-colonly")).unwrap();
+            let node =
+                document.nodes().find(|node| node.name() == Some("collision-colonly")).unwrap();
             let primitive = node.mesh().unwrap().primitives().next().unwrap();
             assert_eq!(primitive.indices().unwrap().count(), 3 * faces);
             assert_eq!(primitive.attributes().count(), 1, "positions only");
         } else {
             assert!(names.iter().all(|name| !name.contains("collision")), "{names:?}");
-            assert_eq!((nodes(&beside), mesh(&beside).face_count()), (vec!["collision".to_owned()], faces));
+            assert_eq!(
+                (nodes(&beside), mesh(&beside).face_count()),
+                (vec!["collision".to_owned()], faces)
+            );
             assert!(written.files.iter().any(|file| file.path.ends_with("scene.collision.glb")));
         }
     }
@@ -133,7 +150,8 @@ fn folder() -> tempfile::TempDir {
 #[test]
 fn the_command_line_writes_guards_and_reports_it() {
     let folder = folder();
-    let bake = ["bake", "a.ply", "-o", "b.glb", "--teacher", "off", "--collision", "--report", "r.json"];
+    let bake =
+        ["bake", "a.ply", "-o", "b.glb", "--teacher", "off", "--collision", "--report", "r.json"];
     let (done, said) = trisplat(folder.path(), &bake);
     assert!(done.status.success() && said.contains("wrote b.collision.glb"), "{said}");
     let report: Report =
@@ -167,8 +185,17 @@ fn mesh_writes_a_surface_and_refuses_what_bake_refuses() {
     let (done, said) = trisplat(
         folder.path(),
         &[
-            "mesh", "a.ply", "-o", "s.ply", "--resolution", "96", "--max-triangles", "5000", "--report",
-            "r.json", "-v",
+            "mesh",
+            "a.ply",
+            "-o",
+            "s.ply",
+            "--resolution",
+            "96",
+            "--max-triangles",
+            "5000",
+            "--report",
+            "r.json",
+            "-v",
         ],
     );
     assert!(done.status.success(), "{said}");
@@ -176,7 +203,10 @@ fn mesh_writes_a_surface_and_refuses_what_bake_refuses() {
         assert!(said.lines().any(|line| line.starts_with(stage)), "{stage}: {said}");
     }
     let mesh = mesh(&folder.path().join("s.ply"));
-    assert!(mesh.face_count() <= 5000 && mesh.vertex_count() < mesh.face_count(), "vertices are shared");
+    assert!(
+        mesh.face_count() <= 5000 && mesh.vertex_count() < mesh.face_count(),
+        "vertices are shared"
+    );
     let refuses = |arguments: &[&str], needles: &[&str]| {
         let (done, said) = trisplat(folder.path(), arguments);
         assert_eq!(done.status.code(), Some(1), "{said}");
@@ -186,8 +216,12 @@ fn mesh_writes_a_surface_and_refuses_what_bake_refuses() {
     refuses(&["mesh", "a.ply", "-o", "a.ply", "--force"], &["a file that is not also an input"]);
     refuses(&["mesh", "a.ply", "-o", "s.html"], &["a name ending in .ply, .glb, .gltf or .obj"]);
     refuses(&["mesh", "a.ply", "-o", "t.ply", "--voxel=-1"], &["--voxel is -1"]);
-    let none = ["mesh", "a.ply", "-o", "t.ply", "--resolution", "8", "--min-component", "900000000"];
+    let none =
+        ["mesh", "a.ply", "-o", "t.ply", "--resolution", "8", "--min-component", "900000000"];
     refuses(&none, &["the surface is empty", "--min-component"]);
-    refuses(&["mesh", "a.ply", "-o", "t.ply", "--limit", "array_bytes=1000000"], &["the distance field"]);
+    refuses(
+        &["mesh", "a.ply", "-o", "t.ply", "--limit", "array_bytes=1000000"],
+        &["the distance field"],
+    );
     assert!(!folder.path().join("t.ply").exists());
 }

@@ -9,8 +9,14 @@ use trisplat_scene::report::Report;
 use trisplat_surface::SurfaceOptions;
 use trisplat_synthetic::SyntheticOptions;
 
-const PHOTOS: SyntheticOptions =
-    SyntheticOptions { views: 24, width: 112, points: 800, seed: 0, transparent: false, phone: false };
+const PHOTOS: SyntheticOptions = SyntheticOptions {
+    views: 24,
+    width: 112,
+    points: 800,
+    seed: 0,
+    transparent: false,
+    phone: false,
+};
 
 #[test]
 fn photos_alone_become_a_textured_surface() {
@@ -22,7 +28,9 @@ fn photos_alone_become_a_textured_surface() {
     let options = MeshOptions { surface, texture, ..MeshOptions::default() };
     let mut job = MeshJob::new(None, Some(dataset.clone()), options);
     // By steps, not by time: a slow machine makes the same surface.
-    (job.train.steps, job.train.max_triangles, job.budget) = (250, 3000, None);
+    job.train.steps = 250;
+    job.train.max_triangles = 3000;
+    job.budget = None;
     let mut report = Report::new("mesh");
     let asset = job.run(&mut report, &mut |_| Continue(())).unwrap().unwrap();
     asset.mesh.validate().unwrap();
@@ -31,7 +39,11 @@ fn photos_alone_become_a_textured_surface() {
         names.contains(&"train") && names.contains(&"surface") && names.contains(&"texture"),
         "{names:?}"
     );
-    assert!(asset.mesh.texture.is_some() && asset.mesh.face_count() <= 3000, "{}", asset.mesh.face_count());
+    assert!(
+        asset.mesh.texture.is_some() && asset.mesh.face_count() <= 3000,
+        "{}",
+        asset.mesh.face_count()
+    );
     let mut views = Views::new(&dataset, &DatasetOptions::default());
     views.transform(&asset.provenance.placement);
     let all: Vec<usize> = (0..views.len()).collect();
@@ -52,7 +64,10 @@ fn the_command_line_takes_photos_in_place_of_a_scene() {
         assert_eq!(done.status.code(), Some(1), "{said}");
         needles.iter().for_each(|needle| assert!(said.contains(needle), "{said} lacks {needle}"));
     };
-    refuses(&["mesh", "photos", "photos", "-o", "a.glb"], &["one data set", "photos is a data set already"]);
+    refuses(
+        &["mesh", "photos", "photos", "-o", "a.glb"],
+        &["one data set", "photos is a data set already"],
+    );
     refuses(&["mesh", "a.ply", "-o", "a.glb", "--texture"], &["texture is given without photos"]);
     refuses(&["mesh", "photos", "-o", "photos/a.txt"], &["--output"]);
     assert!(!folder.path().join("a.glb").exists());

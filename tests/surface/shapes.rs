@@ -9,7 +9,8 @@ pub(crate) const RADIUS: f32 = 1.0;
 
 /// A square patch of the cube from -1 to 1 for each of its sides, `n` by `n` quadrilaterals; `bend` moves the points.
 fn patches(n: usize, bend: impl Fn(Vec3) -> Vec3, color: impl Fn(Vec3) -> [f32; 3]) -> Mesh {
-    let (mut positions, mut colors) = (Vec::new(), Vec::new());
+    let mut positions = Vec::new();
+    let mut colors = Vec::new();
     for (normal, right) in [(Vec3::X, Vec3::Y), (Vec3::Y, Vec3::Z), (Vec3::Z, Vec3::X)] {
         for sign in [1.0, -1.0] {
             let up = normal.cross(right) * sign;

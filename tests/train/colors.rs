@@ -11,7 +11,11 @@ const SIZE: UVec2 = UVec2::new(24, 16);
 /// One triangle that fills the picture and changes its colour alone.
 fn wall(rgb: [f32; 3]) -> TrainState {
     let params = Params {
-        vertices: vec![[Vec3::new(-9.0, -5.0, 0.0), Vec3::new(9.0, -5.0, 0.0), Vec3::new(0.0, 12.0, 0.0)]],
+        vertices: vec![[
+            Vec3::new(-9.0, -5.0, 0.0),
+            Vec3::new(9.0, -5.0, 0.0),
+            Vec3::new(0.0, 12.0, 0.0),
+        ]],
         opacity: vec![6.0],
         sigma: vec![-6.0],
         sh: vec![rgb.map(sh0_from_rgb)],
@@ -33,11 +37,13 @@ fn trained_on_grey(start: [f32; 3], linear: bool) -> [f32; 3] {
         center: SIZE.as_vec2() / 2.0,
         size: SIZE,
     };
-    let pixels = RgbImage { size: SIZE, rgb: vec![[128; 3]; SIZE.element_product() as usize], alpha: None };
+    let pixels =
+        RgbImage { size: SIZE, rgb: vec![[128; 3]; SIZE.element_product() as usize], alpha: None };
     for step in 0..1500 {
         let mut rates = schedule.rates(step);
         if linear {
-            (rates.engine_shading, rates.alpha_cap) = (true, 1.0);
+            rates.engine_shading = true;
+            rates.alpha_cap = 1.0;
         }
         let photo = StepPhoto { camera: &camera, pixels: &pixels, first: true, id: None };
         backend.step(&photo, &rates).unwrap();

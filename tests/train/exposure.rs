@@ -14,7 +14,8 @@ fn options(steps: u64) -> TrainOptions {
 }
 
 fn load(folder: &Path) -> Dataset {
-    Dataset::load(folder, &DatasetOptions { max_size: Some(96), ..DatasetOptions::default() }).unwrap()
+    Dataset::load(folder, &DatasetOptions { max_size: Some(96), ..DatasetOptions::default() })
+        .unwrap()
 }
 
 #[test]
@@ -23,8 +24,11 @@ fn what_a_phone_did_is_found_again_and_a_run_that_goes_on_finds_the_same() {
     let truth = phone_sample(folder.path());
     let dataset = load(folder.path());
     let path = folder.path().join("a.checkpoint");
-    let outputs =
-        RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 300, ..RunOptions::default() };
+    let outputs = RunOptions {
+        checkpoint: Some(path.clone()),
+        checkpoint_every: 300,
+        ..RunOptions::default()
+    };
     let all = options(600);
     let half = TrainRun { outputs, until_step: Some(300), ..TrainRun::new(&dataset, &all) };
     half.run(&mut |_| Continue(())).unwrap();

@@ -15,7 +15,8 @@ use trisplat_train::{RunOptions, TrainRun, checkpoint};
 const PHOTO_BYTES: u64 = 1 << 26;
 
 fn photos(folder: &Path) -> Dataset {
-    let options = SyntheticOptions { views: 24, width: 64, points: 600, ..SyntheticOptions::default() };
+    let options =
+        SyntheticOptions { views: 24, width: 64, points: 600, ..SyntheticOptions::default() };
     trisplat_synthetic::write(folder, &options).unwrap();
     Dataset::load(folder, &DatasetOptions::default()).unwrap()
 }
@@ -23,7 +24,11 @@ fn photos(folder: &Path) -> Dataset {
 fn soft_scene(dataset: &Dataset) -> Trained {
     train(
         dataset,
-        &TrainOptions { steps: 400, max_triangles: 1500, ..TrainOptions::preset(TrainPreset::Outdoor) },
+        &TrainOptions {
+            steps: 400,
+            max_triangles: 1500,
+            ..TrainOptions::preset(TrainPreset::Outdoor)
+        },
         &mut |_| Continue(()),
     )
     .unwrap()
@@ -42,7 +47,8 @@ fn assert_solid(soup: &Soup) {
 
 fn taught(scene: &ImportedScene, options: &TrainOptions) -> Dataset {
     let drawing = options.drawing([0.0; 3]);
-    teacher::dataset(Path::new("soft.ply"), scene, &drawing, None, PHOTO_BYTES, &mut |_, _| {}).unwrap()
+    teacher::dataset(Path::new("soft.ply"), scene, &drawing, None, PHOTO_BYTES, &mut |_, _| {})
+        .unwrap()
 }
 
 /// PSNR on the held-out pictures of `dataset` of a soup as an engine draws it.
@@ -57,8 +63,11 @@ fn a_soft_scene_hardened_by_photos_is_solid_and_better_than_its_plain_bake() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = photos(folder.path());
     // Without a shell, which is solid from the start, and with its colours as they are.
-    let mut soft_only =
-        TrainOptions { steps: 400, max_triangles: 1500, ..TrainOptions::preset(TrainPreset::Outdoor) };
+    let mut soft_only = TrainOptions {
+        steps: 400,
+        max_triangles: 1500,
+        ..TrainOptions::preset(TrainPreset::Outdoor)
+    };
     soft_only.init.shell_subdivisions = 0;
     let soft = train(&dataset, &soft_only, &mut |_| Continue(())).unwrap();
     let no_teacher = BakeOptions { teacher: TeacherOptions::OFF, ..BakeOptions::default() };
@@ -97,7 +106,8 @@ fn a_soft_scene_teaches_itself_without_photos() {
         (soft.provenance.up, &soft.provenance.source)
     );
     let Scene::Soup(before) = &soft.scene else { panic!("a soup") };
-    let (before, after) = (solid_psnr(before, &pictures), hardened.quality().unwrap().psnr);
+    let before = solid_psnr(before, &pictures);
+    let after = hardened.quality().unwrap().psnr;
     assert!(after > before + 2.0, "{after:.2} dB, {before:.2} dB before");
 }
 
@@ -128,7 +138,8 @@ fn a_scene_of_too_many_triangles_is_cut_while_it_is_hardened() {
     let soft = soft_scene(&dataset);
     let most = soft.soup.len() as u64 / 2;
     let options = TrainOptions { max_triangles: most, ..hardening(400) };
-    let run = TrainRun { from: Some(soft.into()), cut_from: true, ..TrainRun::new(&dataset, &options) };
+    let run =
+        TrainRun { from: Some(soft.into()), cut_from: true, ..TrainRun::new(&dataset, &options) };
     let cut = run.run(&mut |_| Continue(())).unwrap();
     assert_solid(&cut.soup);
     assert!(cut.soup.len() as u64 <= most, "{} of {most}", cut.soup.len());
@@ -139,10 +150,12 @@ fn a_scene_placed_anew_starts_where_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = photos(folder.path());
     let soft = soft_scene(&dataset);
-    let placement = Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 4.0, center: [1.0, -2.0, 0.5] };
+    let placement =
+        Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 4.0, center: [1.0, -2.0, 0.5] };
     let mut moved: ImportedScene = soft.clone().into();
     moved.provenance.placement = placement;
-    moved.cameras = soft.cameras.iter().map(|c| placed::to_file(c, &placement, DVec3::ZERO)).collect();
+    moved.cameras =
+        soft.cameras.iter().map(|c| placed::to_file(c, &placement, DVec3::ZERO)).collect();
     let Scene::Soup(soup) = &mut moved.scene else { panic!("a soup") };
     soup.vertices.iter_mut().flatten().for_each(|v: &mut Vec3| *v = placement.to_file(*v));
     let psnr = |from: ImportedScene| {
@@ -150,7 +163,8 @@ fn a_scene_placed_anew_starts_where_it_was() {
         let run = TrainRun { from: Some(from), ..TrainRun::new(&dataset, &options) };
         run.run(&mut |_| Continue(())).unwrap().quality().unwrap().psnr
     };
-    let (here, there) = (psnr(soft.clone().into()), psnr(moved));
+    let here = psnr(soft.clone().into());
+    let there = psnr(moved);
     assert!((here - there).abs() < 0.01, "{here:.3} dB, {there:.3} dB");
     // One step changes little: it really started from the scene.
     let trained = soft.quality().unwrap().psnr;
@@ -175,8 +189,14 @@ fn what_cannot_be_started_from_is_an_error_that_names_the_remedy() {
     assert!(error.contains("max_triangles is 2: expected 3 or more"), "{error}");
     let points = Soup { vertices: vec![[Vec3::ONE; 3]; 3], ..triangle };
     let drawing = options.drawing([0.0; 3]);
-    let error =
-        teacher::dataset(Path::new("soft.ply"), &points.into(), &drawing, None, PHOTO_BYTES, &mut |_, _| {});
+    let error = teacher::dataset(
+        Path::new("soft.ply"),
+        &points.into(),
+        &drawing,
+        None,
+        PHOTO_BYTES,
+        &mut |_, _| {},
+    );
     let error = error.unwrap_err().to_string();
     assert!(error.contains("soft.ply") && error.contains("shows nothing"), "{error}");
 }

@@ -6,8 +6,8 @@ use std::collections::VecDeque;
 use std::ops::ControlFlow::Continue;
 use trisplat_scene::{Error, Result};
 use trisplat_train::{
-    BackendVisibility, CpuBackend, Params, RunOptions, StepParams, StepPhoto, StepStats, TrainBackend,
-    TrainEvent, TrainRun, TrainSample, TrainState, checkpoint,
+    BackendVisibility, CpuBackend, Params, RunOptions, StepParams, StepPhoto, StepStats,
+    TrainBackend, TrainEvent, TrainRun, TrainSample, TrainState, checkpoint,
 };
 
 /// The CPU's backend, which keeps figures of the last steps to itself, and is lost after some of them.
@@ -48,7 +48,8 @@ impl TrainBackend for Late {
     fn figures(&mut self, all: bool) -> Result<Vec<StepStats>> {
         self.check()?;
         self.figures.extend(self.cpu.figures(true)?);
-        let known = if all { self.figures.len() } else { self.figures.len().saturating_sub(BEHIND) };
+        let known =
+            if all { self.figures.len() } else { self.figures.len().saturating_sub(BEHIND) };
         Ok(self.figures.drain(..known).collect())
     }
 
@@ -93,8 +94,12 @@ fn figures_that_come_late_are_all_in_the_curve() {
     let options = options(60);
     let run = |name: &str| {
         let checkpoint = Some(folder.path().join(name));
-        let outputs =
-            RunOptions { checkpoint, checkpoint_every: 25, sample_every: 7, ..RunOptions::default() };
+        let outputs = RunOptions {
+            checkpoint,
+            checkpoint_every: 25,
+            sample_every: 7,
+            ..RunOptions::default()
+        };
         TrainRun { outputs, ..TrainRun::new(&dataset, &options) }
     };
     let waiting = run("a.checkpoint").run(&mut |_| Continue(())).unwrap();
@@ -103,9 +108,12 @@ fn figures_that_come_late_are_all_in_the_curve() {
     let late = late.start_on(Box::new(backend)).unwrap().finish(&mut |_| Continue(())).unwrap();
     assert_eq!(plain(&late.curve), plain(&waiting.curve));
     assert_eq!((late.soup, late.scores), (waiting.soup, waiting.scores));
-    let [a, b] =
-        ["a", "b"].map(|name| checkpoint::read(&folder.path().join(format!("{name}.checkpoint"))).unwrap());
-    assert_eq!((a.state, a.visibility, plain(&a.meta.curve)), (b.state, b.visibility, plain(&b.meta.curve)));
+    let [a, b] = ["a", "b"]
+        .map(|name| checkpoint::read(&folder.path().join(format!("{name}.checkpoint"))).unwrap());
+    assert_eq!(
+        (a.state, a.visibility, plain(&a.meta.curve)),
+        (b.state, b.visibility, plain(&b.meta.curve))
+    );
 }
 
 #[test]
@@ -115,9 +123,11 @@ fn a_backend_that_is_lost_leaves_the_scene_of_the_last_refinement() {
     let options = options(60);
     let straight = TrainRun::new(&dataset, &options).run(&mut |_| Continue(())).unwrap();
     let path = folder.path().join("a.checkpoint");
-    let outputs = RunOptions { checkpoint: Some(path.clone()), sample_every: 1, ..RunOptions::default() };
+    let outputs =
+        RunOptions { checkpoint: Some(path.clone()), sample_every: 1, ..RunOptions::default() };
     let run = TrainRun { outputs, ..TrainRun::new(&dataset, &options) };
-    let (backend, mut seen) = (Late::new(&run, 40), Vec::new());
+    let backend = Late::new(&run, 40);
+    let mut seen = Vec::new();
     let error = run.start_on(Box::new(backend)).unwrap().finish(&mut |event| {
         if let TrainEvent::Densified(step, _) = event {
             seen.push(step);
@@ -126,8 +136,10 @@ fn a_backend_that_is_lost_leaves_the_scene_of_the_last_refinement() {
     });
     let error = error.unwrap_err();
     let step = *seen.last().unwrap();
-    let remedy =
-        format!("gpu: lost; to continue from step {step}: `backend` cpu `resume` {}", path.display());
+    let remedy = format!(
+        "gpu: lost; to continue from step {step}: `backend` cpu `resume` {}",
+        path.display()
+    );
     assert_eq!(error.to_string(), remedy);
     let checkpoint = checkpoint::read(&path).unwrap();
     assert!(step > 0 && step < 40 && checkpoint.meta.step == step);

@@ -17,8 +17,8 @@ use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_scene::Soup;
 use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::{
-    DensifyOptions, InitOptions, RunOptions, SampleWeight, TrainEvent, TrainOptions, TrainPreset, TrainRun,
-    Trained, checkpoint,
+    DensifyOptions, InitOptions, RunOptions, SampleWeight, TrainEvent, TrainOptions, TrainPreset,
+    TrainRun, Trained, checkpoint,
 };
 
 fn scene(folder: &Path, options: &SyntheticOptions) -> Dataset {
@@ -130,8 +130,11 @@ fn a_checkpoint_of_other_photos_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
     let path = folder.path().join("a.checkpoint");
-    let outputs = RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 1, ..RunOptions::default() };
-    TrainRun { outputs, ..TrainRun::new(&dataset, &options(1)) }.run(&mut |_| Continue(())).unwrap();
+    let outputs =
+        RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 1, ..RunOptions::default() };
+    TrainRun { outputs, ..TrainRun::new(&dataset, &options(1)) }
+        .run(&mut |_| Continue(()))
+        .unwrap();
     let mut checkpoint = checkpoint::read(&path).unwrap();
     checkpoint.meta.identity.photos[0].name.push('x');
     let error = TrainRun::from_checkpoint(&dataset, checkpoint).start().unwrap_err().to_string();
@@ -159,7 +162,8 @@ fn a_photo_that_cannot_be_read_costs_no_step() {
     let checkpoint = checkpoint::read(&path).unwrap();
     assert!(checkpoint.meta.step >= 3 && checkpoint.meta.step < 40, "{}", checkpoint.meta.step);
     // Only photos that were looked at are part of what the run was made of.
-    let seen = checkpoint.meta.identity.photos.iter().filter(|photo| photo.pixels.is_some()).count() as u64;
+    let seen = checkpoint.meta.identity.photos.iter().filter(|photo| photo.pixels.is_some()).count()
+        as u64;
     assert!(seen >= checkpoint.meta.step && seen < 35, "{seen}");
 }
 
@@ -236,8 +240,10 @@ fn move_files(from: &Path, to: &Path, shift: f64) {
         }
         let mut fields: Vec<String> = line.split(' ').map(str::to_owned).collect();
         let number = |i: usize| fields[i].parse::<f64>().unwrap();
-        let rotation = glam::DQuat::from_xyzw(number(2), number(3), number(4), number(1)).normalize();
-        let t = glam::DVec3::new(number(5), number(6), number(7)) - rotation * glam::DVec3::splat(shift);
+        let rotation =
+            glam::DQuat::from_xyzw(number(2), number(3), number(4), number(1)).normalize();
+        let t = glam::DVec3::new(number(5), number(6), number(7))
+            - rotation * glam::DVec3::splat(shift);
         for (i, value) in t.to_array().into_iter().enumerate() {
             fields[5 + i] = format!("{value:?}");
         }

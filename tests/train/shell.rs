@@ -29,7 +29,12 @@ fn a_scene_of_few_photos_holds_up_better_from_elsewhere() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &few());
     let [without, with] = [0, 2].map(|subdivisions| trained(&dataset, &options(300, subdivisions)));
-    assert!(psnr(&with) > psnr(&without) + 0.5, "{:.2} dB, {:.2} dB without", psnr(&with), psnr(&without));
+    assert!(
+        psnr(&with) > psnr(&without) + 0.5,
+        "{:.2} dB, {:.2} dB without",
+        psnr(&with),
+        psnr(&without)
+    );
 }
 
 #[test]
@@ -38,10 +43,12 @@ fn it_stays_where_it_is_and_takes_colours() {
     let dataset = scene(folder.path(), &few());
     for preset in [TrainPreset::Outdoor, TrainPreset::Solid] {
         let run = |steps| {
-            let options = TrainOptions { steps, max_triangles: 1500, ..TrainOptions::preset(preset) };
+            let options =
+                TrainOptions { steps, max_triangles: 1500, ..TrainOptions::preset(preset) };
             trained(&dataset, &options).soup
         };
-        let (early, late) = (run(30), run(120));
+        let early = run(30);
+        let late = run(120);
         let shell = common(&early, &late);
         assert!((40..=128).contains(&shell), "{preset:?}: {shell}");
         assert!((0..shell).any(|i| early.rgb(i) != late.rgb(i)), "{preset:?}");
@@ -54,7 +61,8 @@ fn photos_with_masks_have_none() {
     let dataset = scene(folder.path(), &few());
     mask_photos(folder.path(), &dataset);
     let masked = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
-    let [without, with] = [0, 2].map(|subdivisions| trained(&masked, &options(20, subdivisions)).soup);
+    let [without, with] =
+        [0, 2].map(|subdivisions| trained(&masked, &options(20, subdivisions)).soup);
     assert_eq!(with, without);
 }
 
@@ -65,6 +73,8 @@ fn mask_photos(folder: &Path, dataset: &Dataset) {
         let size: UVec2 = view.photo.size;
         let counts = |i: u32| if i % size.x < 5 && i / size.x < 5 { [0; 3] } else { [255; 3] };
         let rgb = (0..size.x * size.y).map(counts).collect();
-        RgbImage { size, rgb, alpha: None }.save_png(folder.join("masks").join(&view.name)).unwrap();
+        RgbImage { size, rgb, alpha: None }
+            .save_png(folder.join("masks").join(&view.name))
+            .unwrap();
     }
 }

@@ -30,17 +30,23 @@ fn psnr_over(code: u8, asset: &Asset, dataset: &Dataset) -> f64 {
     let back = asset.provenance.placement;
     let mut mesh = asset.mesh.clone();
     mesh.positions.iter_mut().for_each(|p| *p = back.to_world(*p));
-    let options = SolidRasterOptions { background: [f32::from(code) / 255.0; 3], samples: 2, near: 0.01 };
+    let options =
+        SolidRasterOptions { background: [f32::from(code) / 255.0; 3], samples: 2, near: 0.01 };
     let held_out: Vec<_> = dataset.views.iter().filter(|view| view.test).collect();
     let psnr = |view: &&trisplat_dataset::View| {
         let photo = view.photo.decode().unwrap().over_instead_of_black([code; 3]);
-        metric::psnr(&photo.rgb, &SolidRasterizer::new().render(&mesh, &view.camera, &options).rgb, None)
+        metric::psnr(
+            &photo.rgb,
+            &SolidRasterizer::new().render(&mesh, &view.camera, &options).rgb,
+            None,
+        )
     };
     held_out.iter().map(psnr).sum::<f64>() / held_out.len() as f64
 }
 
 fn baked(soup: Soup, dataset: &Dataset, how: &DatasetOptions) -> (Asset, Report) {
-    let (options, mut report) = (BakeOptions::default(), Report::default());
+    let options = BakeOptions::default();
+    let mut report = Report::default();
     let mut views = Views::new(dataset, how);
     let asset = Bake::new(&options).photos(&mut views).report(&mut report).run([soup]).unwrap();
     (asset, report)
@@ -78,11 +84,15 @@ fn an_object_of_transparent_photos_stands_before_any_background() {
 fn an_object_is_judged_over_black_and_over_white() {
     let size = glam::UVec2::new(16, 16);
     let alpha: Vec<u8> = (0..256).map(|i| if i % 16 < 8 { 255 } else { 0 }).collect();
-    let rgb: Vec<[u8; 3]> = alpha.iter().map(|a| if *a > 0 { [200, 100, 50] } else { [0; 3] }).collect();
+    let rgb: Vec<[u8; 3]> =
+        alpha.iter().map(|a| if *a > 0 { [200, 100, 50] } else { [0; 3] }).collect();
     let photo = RgbImage { size, rgb: rgb.clone(), alpha: Some(alpha) };
     // A black slab where nothing is shows over white only.
     let slab = |_: [f32; 3]| Ok(RgbImage { size, rgb: rgb.clone(), alpha: None });
-    let exact = |background: [f32; 3]| Ok(photo.over_instead_of_black(background.map(|c| (255.0 * c) as u8)));
-    let (slab, exact) = (Quality::over_two(&photo, slab).unwrap(), Quality::over_two(&photo, exact).unwrap());
+    let exact = |background: [f32; 3]| {
+        Ok(photo.over_instead_of_black(background.map(|c| (255.0 * c) as u8)))
+    };
+    let slab = Quality::over_two(&photo, slab).unwrap();
+    let exact = Quality::over_two(&photo, exact).unwrap();
     assert!(exact.psnr > 60.0 && slab.psnr < exact.psnr - 20.0, "{slab:?} {exact:?}");
 }

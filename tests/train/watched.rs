@@ -13,7 +13,9 @@ fn a_run_that_is_watched_gives_away_its_scenes_and_makes_the_same_bits() {
     let mut seen: Vec<(u64, ImportedScene)> = Vec::new();
     let mut watch = |event: TrainEvent<'_>| {
         match event {
-            TrainEvent::Step { sample, wants_scene } => *wants_scene = sample.step.is_multiple_of(40),
+            TrainEvent::Step { sample, wants_scene } => {
+                *wants_scene = sample.step.is_multiple_of(40)
+            }
             TrainEvent::Scene(sample, scene) => seen.push((sample.step, *scene)),
             _ => {}
         }
@@ -25,6 +27,8 @@ fn a_run_that_is_watched_gives_away_its_scenes_and_makes_the_same_bits() {
     // What was seen last is what is written, the first something else.
     let (_, last) = seen.pop().unwrap();
     assert_eq!(last, ImportedScene::from(watched));
-    assert!(seen.iter().all(|(_, scene)| scene.scene != last.scene && scene.cameras == last.cameras));
+    assert!(
+        seen.iter().all(|(_, scene)| scene.scene != last.scene && scene.cameras == last.cameras)
+    );
     assert!(matches!(last.scene, Scene::Soup(_)));
 }

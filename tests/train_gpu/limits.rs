@@ -70,9 +70,11 @@ struct Outcome {
 fn run(backend: &mut GpuBackend, way: &Way, limits: GpuLimits) -> Outcome {
     backend.restart(way.options, limits);
     let mut state = scene::state(1100, 3);
-    (state.pinned, state.frozen) = (10, 5);
+    state.pinned = 10;
+    state.frozen = 5;
     backend.load(state).unwrap();
-    let (photos, mut figures) = (photos(), Vec::new());
+    let photos = photos();
+    let mut figures = Vec::new();
     for (step, camera) in cameras().iter().enumerate() {
         let index = step % PHOTOS;
         let id = Some(PhotoId { index, level: 0, corrected: false });
@@ -89,8 +91,13 @@ fn run(backend: &mut GpuBackend, way: &Way, limits: GpuLimits) -> Outcome {
 #[test]
 fn limits_change_no_bit() {
     let Some(gpu) = card() else { return };
-    let plenty =
-        GpuLimits { ahead: 0, photo_bytes: 0, pairs_each: 64, spare_splats: 1000, ..GpuLimits::of(&gpu) };
+    let plenty = GpuLimits {
+        ahead: 0,
+        photo_bytes: 0,
+        pairs_each: 64,
+        spare_splats: 1000,
+        ..GpuLimits::of(&gpu)
+    };
     let small = GpuLimits { pairs_each: 0, pairs_least: 64, spare_splats: 0, ..plenty };
     let photo_bytes = 4 * u64::from(scene::SIZE.element_product());
     let mut backend = GpuBackend::new(gpu, SoftOptions::default(), plenty).unwrap();
@@ -106,11 +113,15 @@ fn limits_change_no_bit() {
             ("little room, late", GpuLimits { ahead: 3, ..small }),
             ("little room, all at once", GpuLimits { ahead: STEPS, ..small }),
             ("photos on the card", GpuLimits { ahead: 2, photo_bytes: 3 * photo_bytes, ..plenty }),
-            ("two photos on the card", GpuLimits { ahead: 2, photo_bytes: 2 * photo_bytes, ..small }),
+            (
+                "two photos on the card",
+                GpuLimits { ahead: 2, photo_bytes: 2 * photo_bytes, ..small },
+            ),
             ("split", GpuLimits { ahead: 2, binding_bytes: BINDING_BYTES, ..plenty }),
             ("split small", GpuLimits { ahead: 2, binding_bytes: 1, ..plenty }),
         ] {
-            if way.name != "soft" && !name.contains("all at once") && !name.contains("split small") {
+            if way.name != "soft" && !name.contains("all at once") && !name.contains("split small")
+            {
                 continue;
             }
             let before = backend.repeats();

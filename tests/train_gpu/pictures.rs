@@ -6,15 +6,16 @@ use trisplat_gpu::Gpu;
 use trisplat_raster::soft::{Frame, SoftOptions, SoftRasterizer, Sort, SoupRef, Window};
 use trisplat_scene::{Soup, camera::Camera};
 use trisplat_train::{
-    Anneal, CardScene, GpuBackend, GpuLimits, Schedule, StepParams, StepPhoto, TrainBackend, TrainOptions,
-    TrainPreset, TrainState,
+    Anneal, CardScene, GpuBackend, GpuLimits, Schedule, StepParams, StepPhoto, TrainBackend,
+    TrainOptions, TrainPreset, TrainState,
 };
 
 /// A random soup, some of its triangles opaque and with edges as hard as there are.
 fn soup(count: usize, sh_degree: u8) -> Soup {
     let mut soup = scene::state(count, sh_degree).params.to_soup(&Anneal::NONE, sh_degree);
     for i in (0..count).step_by(7) {
-        (soup.opacity[i], soup.sigma[i]) = (1.0, 1e-4);
+        soup.opacity[i] = 1.0;
+        soup.sigma[i] = 1e-4;
     }
     soup
 }
@@ -27,7 +28,8 @@ fn assert_close(card: &Frame, cpu: &Frame, what: &str) {
     let numbers = colors.chain(card.transmittance.iter().zip(&cpu.transmittance));
     let mut apart: Vec<f32> = numbers.map(|(a, b)| (a - b).abs()).collect();
     apart.sort_by(f32::total_cmp);
-    let (most, last) = (apart[apart.len() * 999 / 1000], apart[apart.len() - 1]);
+    let most = apart[apart.len() * 999 / 1000];
+    let last = apart[apart.len() - 1];
     assert!(most < 2e-5 && last < 0.02, "{what}: {most:.1e} at p99.9, {last:.1e} at most");
     let drawn = cpu.transmittance.iter().filter(|t| **t < 0.5).count();
     assert!(drawn > cpu.transmittance.len() / 4, "{what}: {drawn} pixels are drawn");
@@ -55,7 +57,8 @@ fn pictures_are_those_of_the_cpu() {
     for sh_degree in [0, 3] {
         let soup = soup(600, sh_degree);
         // No room for anything at first: it is made while they are drawn.
-        let limits = GpuLimits { pairs_each: 0, pairs_least: 1, spare_splats: 0, ..GpuLimits::of(&first) };
+        let limits =
+            GpuLimits { pairs_each: 0, pairs_least: 1, spare_splats: 0, ..GpuLimits::of(&first) };
         let mut scene_on_card = gpu(limits, &soup);
         for (name, options) in ways() {
             for size in [scene::SIZE, UVec2::new(33, 130)] {
@@ -73,7 +76,8 @@ fn pictures_are_those_of_the_cpu() {
 #[test]
 fn a_scene_of_several_bindings_and_one_without_triangles_are_drawn() {
     let Some(small) = small_card(160 << 10) else { return };
-    let (large, options) = (soup(1100, 3), SoftOptions::default());
+    let large = soup(1100, 3);
+    let options = SoftOptions::default();
     let drawn = CardScene::new(small, &large).unwrap().frame(&scene::camera(), &options).unwrap();
     assert_close(
         &drawn,

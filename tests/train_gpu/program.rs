@@ -9,15 +9,25 @@ use trisplat_synthetic::SyntheticOptions;
 /// A folder with a small data set in `photos`.
 fn folder_of_photos() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let options = SyntheticOptions { views: 8, width: 24, points: 50, ..SyntheticOptions::default() };
+    let options =
+        SyntheticOptions { views: 8, width: 24, points: 50, ..SyntheticOptions::default() };
     trisplat_synthetic::write(&folder.path().join("photos"), &options).unwrap();
     folder
 }
 
 fn train(folder: &Path, more: &[&str]) -> (Output, String) {
     let start = [
-        "train", "photos", "-o", "scene.ply", "--force", "--steps", "3", "--max-triangles", "200",
-        "--teacher", "off",
+        "train",
+        "photos",
+        "-o",
+        "scene.ply",
+        "--force",
+        "--steps",
+        "3",
+        "--max-triangles",
+        "200",
+        "--teacher",
+        "off",
     ];
     let program = env!("CARGO_BIN_EXE_trisplat");
     let output = Command::new(program).current_dir(folder).args(start).args(more).output().unwrap();
@@ -50,7 +60,8 @@ fn soft_pictures_of_render_and_eval_are_drawn_on_the_card_that_is_asked_for() {
     assert!(output.status.success(), "{said}");
     let run = |arguments: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
-        let output = command.current_dir(folder.path()).args(arguments.split(' ')).output().unwrap();
+        let output =
+            command.current_dir(folder.path()).args(arguments.split(' ')).output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.success(), "{said}");
         (String::from_utf8(output.stdout).unwrap(), said)
@@ -64,8 +75,10 @@ fn soft_pictures_of_render_and_eval_are_drawn_on_the_card_that_is_asked_for() {
     let pictures = std::fs::read_dir(folder.path().join("card")).unwrap();
     for name in pictures.map(|entry| entry.unwrap().file_name()) {
         let picture = |side: &str| RgbImage::load(&folder.path().join(side).join(&name)).unwrap();
-        let (card, cpu) = (picture("card"), picture("cpu"));
-        let apart = card.rgb.as_flattened().iter().zip(cpu.rgb.as_flattened()).map(|(a, b)| a.abs_diff(*b));
+        let card = picture("card");
+        let cpu = picture("cpu");
+        let apart =
+            card.rgb.as_flattened().iter().zip(cpu.rgb.as_flattened()).map(|(a, b)| a.abs_diff(*b));
         assert!(apart.max().unwrap() <= 1, "{name:?}");
     }
     let psnr = |backend: &str| {

@@ -10,13 +10,14 @@ use trisplat_raster::soft::{Frame, SoftOptions};
 use trisplat_scene::{Error, Result, Soup, camera::Camera};
 use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::{
-    BackendVisibility, Checkpoint, CpuBackend, GpuBackend, GpuLimits, Params, RunOptions, SampleWeight,
-    StepParams, StepPhoto, StepStats, TrainBackend, TrainEvent, TrainObserver, TrainOptions, TrainPreset,
-    TrainRun, TrainState, Trained, checkpoint,
+    BackendVisibility, Checkpoint, CpuBackend, GpuBackend, GpuLimits, Params, RunOptions,
+    SampleWeight, StepParams, StepPhoto, StepStats, TrainBackend, TrainEvent, TrainObserver,
+    TrainOptions, TrainPreset, TrainRun, TrainState, Trained, checkpoint,
 };
 
 fn dataset(folder: &Path) -> Dataset {
-    let options = SyntheticOptions { views: 12, width: 48, points: 200, ..SyntheticOptions::default() };
+    let options =
+        SyntheticOptions { views: 12, width: 48, points: 200, ..SyntheticOptions::default() };
     trisplat_synthetic::write(folder, &options).unwrap();
     Dataset::load(folder, &DatasetOptions::default()).unwrap()
 }
@@ -78,7 +79,12 @@ impl TrainBackend for Lent<'_> {
         self.0.draws()
     }
 
-    fn picture(&mut self, camera: &Camera, drawing: &SoftOptions, rates: &StepParams) -> Result<Frame> {
+    fn picture(
+        &mut self,
+        camera: &Camera,
+        drawing: &SoftOptions,
+        rates: &StepParams,
+    ) -> Result<Frame> {
         self.0.picture(camera, drawing, rates)
     }
 
@@ -88,7 +94,11 @@ impl TrainBackend for Lent<'_> {
 }
 
 /// Runs `run` on the CPU, or on the card of `backend`.
-fn trained(run: TrainRun<'_>, backend: Option<&mut GpuBackend>, observer: TrainObserver<'_>) -> Trained {
+fn trained(
+    run: TrainRun<'_>,
+    backend: Option<&mut GpuBackend>,
+    observer: TrainObserver<'_>,
+) -> Trained {
     let drawing = run.drawing();
     let backend: Box<dyn TrainBackend + '_> = match backend {
         Some(backend) => {
@@ -114,9 +124,11 @@ fn backend() -> Option<GpuBackend> {
 
 /// The difference that 99% of the corners' coordinates stay below, in units of the scene's size.
 fn corners_apart(a: &Soup, b: &Soup) -> f32 {
-    let numbers =
-        |soup: &Soup| soup.vertices.iter().flatten().flat_map(|v| v.to_array()).collect::<Vec<f32>>();
-    let (a, b) = (numbers(a), numbers(b));
+    let numbers = |soup: &Soup| {
+        soup.vertices.iter().flatten().flat_map(|v| v.to_array()).collect::<Vec<f32>>()
+    };
+    let a = numbers(a);
+    let b = numbers(b);
     let size = a.iter().fold(0.0f32, |most, x| most.max(x.abs()));
     let mut apart: Vec<f32> = a.iter().zip(&b).map(|(a, b)| (a - b).abs() / size).collect();
     apart.sort_by(f32::total_cmp);
@@ -139,11 +151,10 @@ fn soft_runs_are_those_of_the_cpu() {
             options.densify.every = 1e9;
         }
         let run = || TrainRun::new(&dataset, &options);
-        let (gpu, cpu) = (
-            trained(run(), Some(&mut card), &mut |_| Continue(())),
-            trained(run(), None, &mut |_| Continue(())),
-        );
-        let (psnr, apart) = ((psnr(&gpu) - psnr(&cpu)).abs(), corners_apart(&cpu.soup, &gpu.soup));
+        let gpu = trained(run(), Some(&mut card), &mut |_| Continue(()));
+        let cpu = trained(run(), None, &mut |_| Continue(()));
+        let psnr = (psnr(&gpu) - psnr(&cpu)).abs();
+        let apart = corners_apart(&cpu.soup, &gpu.soup);
         eprintln!(
             "{preset:?}, densified {densified} by {sample_by:?}: {psnr:.4} dB, corners {apart:.1e}, {} triangles",
             gpu.soup.len()
@@ -168,7 +179,8 @@ fn a_solid_run_is_that_of_the_cpu_from_where_it_is_opaque() {
     let rest = || TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
     let gpu = trained(rest(), Some(&mut card), &mut stop_after(20));
     let cpu = trained(rest(), None, &mut stop_after(20));
-    let (psnr, apart) = ((psnr(&gpu) - psnr(&cpu)).abs(), corners_apart(&cpu.soup, &gpu.soup));
+    let psnr = (psnr(&gpu) - psnr(&cpu)).abs();
+    let apart = corners_apart(&cpu.soup, &gpu.soup);
     eprintln!("solid: {psnr:.4} dB, corners {apart:.1e}, {} triangles", gpu.soup.len());
     assert_eq!((gpu.steps, gpu.soup.len(), gpu.dropped), (170, cpu.soup.len(), 0));
     assert!(psnr < 0.05 && apart < 1e-4);
@@ -185,7 +197,8 @@ fn the_same_bits_twice_and_after_a_stop() {
         outputs: outputs.clone(),
         ..TrainRun::new(&dataset, &options)
     };
-    let straight = trained(run(None, &RunOptions::default()), Some(&mut card), &mut |_| Continue(()));
+    let straight =
+        trained(run(None, &RunOptions::default()), Some(&mut card), &mut |_| Continue(()));
     let path = folder.path().join("a.checkpoint");
     let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
     // Before and after it is drawn as an engine draws.
@@ -209,7 +222,8 @@ fn a_checkpoint_goes_from_one_backend_to_the_other_and_back() {
     let mut resume = None;
     let mut parts = Vec::new();
     for on_card in [true, false, true] {
-        let run = TrainRun { resume, outputs: outputs.clone(), ..TrainRun::new(&dataset, &options) };
+        let run =
+            TrainRun { resume, outputs: outputs.clone(), ..TrainRun::new(&dataset, &options) };
         let backend = on_card.then_some(&mut card);
         parts.push(trained(run, backend, &mut stop_after(30)));
         resume = Some(checkpoint::read(&path).unwrap());
@@ -226,12 +240,14 @@ fn a_card_that_is_lost_costs_the_steps_since_the_last_refinement() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
     let options = options(TrainPreset::Outdoor, 100);
-    let straight = trained(TrainRun::new(&dataset, &options), Some(&mut card), &mut |_| Continue(()));
+    let straight =
+        trained(TrainRun::new(&dataset, &options), Some(&mut card), &mut |_| Continue(()));
     let path = folder.path().join("a.checkpoint");
     let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
     let run = TrainRun { outputs, ..TrainRun::new(&dataset, &options) };
     // Takes the card away, and notes when the scene was densified.
-    let (device, mut densified) = (card.gpu().device.clone(), 0);
+    let device = card.gpu().device.clone();
+    let mut densified = 0;
     let mut observer = |event: TrainEvent<'_>| {
         match event {
             TrainEvent::Step { sample, .. } if sample.step == 70 => device.destroy(),
@@ -243,8 +259,12 @@ fn a_card_that_is_lost_costs_the_steps_since_the_last_refinement() {
     card.restart(run.drawing(), GpuLimits::of(card.gpu()));
     let error = run.start_on(Box::new(Lent(&mut card))).unwrap().finish(&mut observer).unwrap_err();
     eprintln!("{error}");
-    assert!(matches!(error, Error::Card { .. }) && error.to_string().contains("card was lost"), "{error}");
-    let remedy = format!("to continue from step {densified}: `backend` cpu `resume` {}", path.display());
+    assert!(
+        matches!(error, Error::Card { .. }) && error.to_string().contains("card was lost"),
+        "{error}"
+    );
+    let remedy =
+        format!("to continue from step {densified}: `backend` cpu `resume` {}", path.display());
     assert!(densified > 0 && error.to_string().ends_with(&remedy), "{error}");
     let rest = || TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
     // Another card gives what the first would have given, and the CPU something as good.
@@ -273,7 +293,10 @@ fn a_card_that_is_too_small_costs_no_step() {
         .unwrap_err()
         .to_string();
     eprintln!("{error}");
-    assert!(error.contains("gpu: layers for ") && error.contains("`backend` cpu `resume` "), "{error}");
+    assert!(
+        error.contains("gpu: layers for ") && error.contains("`backend` cpu `resume` "),
+        "{error}"
+    );
     let rest = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
     assert_eq!(trained(rest, None, &mut |_| Continue(())).steps, 100);
 }

@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use trisplat_raster::soft::SoftOptions;
 use trisplat_scene::Rng;
 use trisplat_train::{
-    Anneal, BackendVisibility, CpuBackend, GpuBackend, GpuLimits, Params, Schedule, StepParams, StepPhoto,
-    StepStats, TrainBackend, TrainOptions, TrainPreset, TrainState,
+    Anneal, BackendVisibility, CpuBackend, GpuBackend, GpuLimits, Params, Schedule, StepParams,
+    StepPhoto, StepStats, TrainBackend, TrainOptions, TrainPreset, TrainState,
 };
 
 /// One way to train.
@@ -39,9 +39,27 @@ const PLAIN: Case = Case {
 const CASES: &[Case] = &[
     PLAIN,
     Case { name: "indoor", preset: TrainPreset::Indoor, progress: 0.5, ..PLAIN },
-    Case { name: "solid, soft still", preset: TrainPreset::Solid, sh_degree: 0, progress: 0.1, ..PLAIN },
-    Case { name: "solid, hardening", preset: TrainPreset::Solid, sh_degree: 0, progress: 0.5, ..PLAIN },
-    Case { name: "solid, at the end", preset: TrainPreset::Solid, sh_degree: 0, progress: 0.99, ..PLAIN },
+    Case {
+        name: "solid, soft still",
+        preset: TrainPreset::Solid,
+        sh_degree: 0,
+        progress: 0.1,
+        ..PLAIN
+    },
+    Case {
+        name: "solid, hardening",
+        preset: TrainPreset::Solid,
+        sh_degree: 0,
+        progress: 0.5,
+        ..PLAIN
+    },
+    Case {
+        name: "solid, at the end",
+        preset: TrainPreset::Solid,
+        sh_degree: 0,
+        progress: 0.99,
+        ..PLAIN
+    },
     Case { name: "L1 alone", rates: |r| r.dssim = 0.0, sh_degree: 0, ..PLAIN },
     Case { name: "SSIM alone", rates: |r| r.dssim = 1.0, sh_degree: 0, ..PLAIN },
     Case { name: "degree 2", sh_degree: 2, masked: true, ..PLAIN },
@@ -71,7 +89,13 @@ const CASES: &[Case] = &[
         sh_degree: 0,
         ..PLAIN
     },
-    Case { name: "engine, masked", rates: |r| r.engine_shading = true, sh_degree: 0, masked: true, ..PLAIN },
+    Case {
+        name: "engine, masked",
+        rates: |r| r.engine_shading = true,
+        sh_degree: 0,
+        masked: true,
+        ..PLAIN
+    },
     Case {
         name: "depth and normals",
         rates: |r| (r.beta_distortion, r.beta_normal) = (1.0, 0.1),
@@ -100,9 +124,11 @@ fn step_from(
     rates: &StepParams,
     mut state: TrainState,
 ) -> Outcome {
-    (state.pinned, state.frozen) = (case.pinned, case.frozen);
+    state.pinned = case.pinned;
+    state.frozen = case.frozen;
     backend.load(state).unwrap();
-    let (camera, pixels) = (scene::camera(), scene::photo(case.masked));
+    let camera = scene::camera();
+    let pixels = scene::photo(case.masked);
     let photo = StepPhoto { camera: &camera, pixels: &pixels, first: true, id: None };
     backend.step(&photo, rates).unwrap();
     let stats = backend.figures(true).unwrap()[0];
@@ -123,11 +149,19 @@ fn drawing(case: &Case) -> (SoftOptions, StepParams) {
 fn groups(params: &Params) -> [(&'static str, Vec<f32>); 4] {
     let vertices = params.vertices.iter().flatten().flat_map(|v| v.to_array()).collect();
     let sh = params.sh.as_flattened().to_vec();
-    [("vertices", vertices), ("opacity", params.opacity.clone()), ("sigma", params.sigma.clone()), ("sh", sh)]
+    [
+        ("vertices", vertices),
+        ("opacity", params.opacity.clone()),
+        ("sigma", params.sigma.clone()),
+        ("sh", sh),
+    ]
 }
 
 /// Largest difference over the largest number.
-fn apart<T: Copy + Into<f64>>(a: impl IntoIterator<Item = T>, b: impl IntoIterator<Item = T>) -> f64 {
+fn apart<T: Copy + Into<f64>>(
+    a: impl IntoIterator<Item = T>,
+    b: impl IntoIterator<Item = T>,
+) -> f64 {
     let pairs: Vec<(f64, f64)> = a.into_iter().zip(b).map(|(a, b)| (a.into(), b.into())).collect();
     let largest = pairs.iter().fold(1e-30f64, |most, (a, _)| most.max(a.abs()));
     pairs.iter().map(|(a, b)| (a - b).abs() / largest).fold(0.0, f64::max)
@@ -193,7 +227,8 @@ fn a_colour_below_zero_returns_as_on_the_cpu() {
         let cpu = step_from(&mut CpuBackend::new(options), case, &rates, dead()).0;
         backend.restart(options, limits);
         let gpu = step_from(&mut backend, case, &rates, dead()).0;
-        let error = apart(cpu.first.sh.iter().flatten().copied(), gpu.first.sh.iter().flatten().copied());
+        let error =
+            apart(cpu.first.sh.iter().flatten().copied(), gpu.first.sh.iter().flatten().copied());
         assert!(error < GRADIENTS, "{}: {error}", case.name);
         let risen = (0..300).filter(|i| gpu.params.sh[*i][i % 3] > -2.2).count();
         let fallen = (0..300).filter(|i| gpu.params.sh[*i][i % 3] < -2.2).count();
@@ -223,7 +258,8 @@ fn a_tile_of_several_buckets_is_the_cpus() {
         let case = Case { sh_degree: 0, ..*case };
         let (options, rates) = drawing(&case);
         let pile = || scene::pile(3 * BUCKET as usize + 100);
-        let (cpu, cpu_stats, cpu_seen) = step_from(&mut CpuBackend::new(options), &case, &rates, pile());
+        let (cpu, cpu_stats, cpu_seen) =
+            step_from(&mut CpuBackend::new(options), &case, &rates, pile());
         backend.restart(options, limits);
         let (gpu, gpu_stats, gpu_seen) = step_from(&mut backend, &case, &rates, pile());
         let seen = gpu_seen.first.views.iter().filter(|views| **views > 0).count() as u64;
@@ -238,8 +274,10 @@ fn a_tile_of_several_buckets_is_the_cpus() {
             eprintln!("{}: {name} {error:.1e}", case.name);
             assert!(error < DEEP_GRADIENTS, "{}: {name} {error}", case.name);
         }
-        let sums =
-            apart(cpu_seen.first.sum_weight.iter().copied(), gpu_seen.first.sum_weight.iter().copied());
+        let sums = apart(
+            cpu_seen.first.sum_weight.iter().copied(),
+            gpu_seen.first.sum_weight.iter().copied(),
+        );
         assert!(sums < DEEP_GRADIENTS, "{}: sums of weights {sums}", case.name);
     }
 }
@@ -260,7 +298,8 @@ fn undecided(
 ) -> BTreeSet<usize> {
     let mut found = BTreeSet::new();
     for draw in 0..32 {
-        let (mut state, rng) = (scene::state(300, case.sh_degree), Rng::new(1, "rounding", draw));
+        let mut state = scene::state(300, case.sh_degree);
+        let rng = Rng::new(1, "rounding", draw);
         let nudge = |at: u64| 1.0 + (rng.uniform(at) - 0.5) * 4.0 * f32::EPSILON;
         for (i, corner) in (0..).zip(state.params.vertices.iter_mut().flatten()) {
             *corner *= Vec3::from([0, 1, 2].map(|axis| nudge(3 * i + axis)));
@@ -278,7 +317,8 @@ fn same_visibility(
     gpu: &BackendVisibility,
     undecided: impl FnOnce() -> BTreeSet<usize>,
 ) {
-    let (a, b) = (&cpu.first, &gpu.first);
+    let a = &cpu.first;
+    let b = &gpu.first;
     let jumped = jumped(&a.max_weight, &b.max_weight);
     if !jumped.is_empty() {
         let undecided = undecided();
@@ -291,8 +331,12 @@ fn same_visibility(
     let radius = apart(a.max_radius_px.iter().copied(), b.max_radius_px.iter().copied());
     assert!(radius < GRADIENTS, "{}: radius {radius}", case.name);
     // A triangle at the edge of two pixels may be near in one and not in the other.
-    let near =
-        a.nearness.iter().zip(&b.nearness).filter(|(a, b)| (*a - *b).abs() > 1e-4 * a.max(**b)).count();
+    let near = a
+        .nearness
+        .iter()
+        .zip(&b.nearness)
+        .filter(|(a, b)| (*a - *b).abs() > 1e-4 * a.max(**b))
+        .count();
     assert!(near <= 1 && a.nearness.iter().any(|n| *n > 0.0), "{}: {near} depths", case.name);
     let sums = apart(a.sum_weight.iter().copied(), b.sum_weight.iter().copied());
     assert!(sums < GRADIENTS, "{}: sums of weights {sums}", case.name);

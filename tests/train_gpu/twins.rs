@@ -91,7 +91,8 @@ const TWINS: &[Twin] = &[
         wgsl: "let d = decode(x[0]); let e = encode(x[0]); y = array(d.x, d.y, e.x, e.y, linear_from_srgb(x[0]), srgb_from_linear(x[0]));",
         outputs: 6,
         rust: |x| {
-            let (d, e) = (color::decode(x[0]), color::encode(x[0]));
+            let d = color::decode(x[0]);
+            let e = color::encode(x[0]);
             vec![d.0, d.1, e.0, e.1, color::linear_from_srgb(x[0]), color::srgb_from_linear(x[0])]
         },
         bound: 3e-6,
@@ -118,7 +119,8 @@ const TWINS: &[Twin] = &[
         outputs: 11,
         rust: |x| {
             let r = window::ratios(&[v2(x), v2(&x[2..]), v2(&x[4..])], x[6], v2(&x[7..]));
-            let (e, n) = (mask(window::coverage_edges(&r)), mask(window::nearest(&r)));
+            let e = mask(window::coverage_edges(&r));
+            let n = mask(window::nearest(&r));
             [r.to_vec(), vec![window::ratio(&r), window::coverage(&r)], e, n].concat()
         },
         bound: 1e-5,
@@ -131,7 +133,8 @@ const TWINS: &[Twin] = &[
                 distortion(x[0], x[2], vec3(x[5], x[6], x[7])), g.x, g.y);",
         outputs: 7,
         rust: |x| {
-            let (b, sums) = (window::blend(x[0], x[1]), [x[5], x[6], x[7]]);
+            let b = window::blend(x[0], x[1]);
+            let sums = [x[5], x[6], x[7]];
             let grad = |last| window::blend_grad(x[0], x[1], x[2], x[3], last, x[4]);
             let g = window::distortion_grad(x[0], x[2], sums);
             vec![b.0, b.1, grad(false), grad(true), window::distortion(x[0], x[2], sums), g.0, g.1]
@@ -197,7 +200,8 @@ const TWINS: &[Twin] = &[
             y = array(p.x, p.y, p.z, g.front.x, g.front.y, g.front.z, g.back.x, g.back.y, g.back.z);",
         outputs: 9,
         rust: |x| {
-            let (f, b) = (v3(x), v3(&x[3..]));
+            let f = v3(x);
+            let b = v3(&x[3..]);
             let p = near_point(f, b, 0.05);
             let (df, db) = near_point_grad(f, b, 0.05, v3(&x[6..]));
             [p, df, db].iter().flat_map(|v| [v.x, v.y, v.z]).collect()
@@ -231,7 +235,8 @@ const TWINS: &[Twin] = &[
             let v = v3(&[x[0], x[1], x[2] + 1e-3]);
             let v = v.scale(1.0 / v.length());
             let b = sh::basis(3, v);
-            let (g, u) = (sh::basis_grad(3, v, &b), sh::normalize_grad(v, 2.0, v3(&[x[1], x[2], x[0]])));
+            let g = sh::basis_grad(3, v, &b);
+            let u = sh::normalize_grad(v, 2.0, v3(&[x[1], x[2], x[0]]));
             let mut out = b.to_vec();
             out.extend([g.x, g.y, g.z, u.x, u.y, u.z]);
             out
@@ -245,7 +250,9 @@ const TWINS: &[Twin] = &[
         outputs: 3,
         rust: |x| {
             // A rate whose numbers are 0.01 and 3: those of the WGSL.
-            let (mut value, mut m, mut v) = ([x[0]], [x[2]], [x[3]]);
+            let mut value = [x[0]];
+            let mut m = [x[2]];
+            let mut v = [x[3]];
             let rate = Rate { step: 0.01, second: 3.0 };
             adam(rate, &mut value, &[x[1]], &mut m, &mut v);
             vec![value[0], m[0], v[0]]
@@ -260,7 +267,8 @@ const TWINS: &[Twin] = &[
         outputs: 4,
         rust: |x| {
             let [a, b] = [x[0], x[1]].map(f64::from);
-            let (variances, ab) = (f64::from(x[2]), a * b + f64::from(x[3]));
+            let variances = f64::from(x[2]);
+            let ab = a * b + f64::from(x[3]);
             let f = factors(a, b, ab, variances);
             let s = f.luminance * f.structure / (f.means * f.variances);
             let d_mean = 2.0 * (b * (f.structure - f.luminance) / (f.means * f.variances) + s * a * (1.0 / f.variances - 1.0 / f.means));
@@ -272,9 +280,13 @@ const TWINS: &[Twin] = &[
 
 /// What the card makes of rows of numbers.
 fn on_the_card(gpu: &Gpu, twin: &Twin, input: &[f32]) -> Vec<f32> {
-    let (ins, outs) = (twin.domain.len(), twin.outputs);
-    let triangle =
-        if ins >= 9 && twin.wgsl.contains("s.") || twin.wgsl.contains(", s, ") { WGSL_TRIANGLE } else { "" };
+    let ins = twin.domain.len();
+    let outs = twin.outputs;
+    let triangle = if ins >= 9 && twin.wgsl.contains("s.") || twin.wgsl.contains(", s, ") {
+        WGSL_TRIANGLE
+    } else {
+        ""
+    };
     let source = format!(
         "{}
         @group(0) @binding(0) var<storage, read> input: array<f32>;
@@ -294,12 +306,17 @@ fn on_the_card(gpu: &Gpu, twin: &Twin, input: &[f32]) -> Vec<f32> {
     );
     let kernel = Kernel::new(gpu, "twin", source).unwrap();
     let buffer = |what, numbers: usize| storage(gpu, what, 4 * numbers as u64, "").unwrap();
-    let (from, to) = (buffer("input", input.len()), buffer("output", ROWS * outs));
+    let from = buffer("input", input.len());
+    let to = buffer("output", ROWS * outs);
     gpu.queue.write_buffer(&from, 0, bytemuck::cast_slice(input));
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     let mut pass = encoder.begin_compute_pass(&Default::default());
     pass.set_pipeline(kernel.pipeline());
-    pass.set_bind_group(0, &kernel.bind(gpu, &[from.as_entire_binding(), to.as_entire_binding()]), &[]);
+    pass.set_bind_group(
+        0,
+        &kernel.bind(gpu, &[from.as_entire_binding(), to.as_entire_binding()]),
+        &[],
+    );
     let [across, down] = workgroups((ROWS as u32).div_ceil(64));
     pass.dispatch_workgroups(across, down, 1);
     drop(pass);
@@ -316,7 +333,8 @@ fn errors(twin: &Twin, input: &[f32], output: &[f32]) -> Vec<f32> {
         let each = (0..twin.outputs).map(|k| (row[k] - out[k]).abs() / row[k].abs().max(scales[k]));
         each.fold(0.0, |most: f32, e| if e.is_nan() { f32::INFINITY } else { most.max(e) })
     };
-    let mut all: Vec<f32> = expected.iter().zip(output.chunks_exact(twin.outputs)).map(error).collect();
+    let mut all: Vec<f32> =
+        expected.iter().zip(output.chunks_exact(twin.outputs)).map(error).collect();
     all.sort_by(f32::total_cmp);
     all
 }

@@ -53,8 +53,9 @@ fn triangles(count: usize, seed: u64) -> Mesh {
         let long = if face % 10 == 0 { 12.0 } else { 1.0 };
         let scale = 0.05 + 0.6 * draw(first + 12).powi(3);
         let center = 2.0 * vec(first);
-        mesh.positions
-            .extend([3, 6, 9].map(|k| center + if k == 3 { long } else { 1.0 } * scale * vec(first + k)));
+        mesh.positions.extend(
+            [3, 6, 9].map(|k| center + if k == 3 { long } else { 1.0 } * scale * vec(first + k)),
+        );
         colors.push([13, 14, 15].map(|k| linear_from_srgb(draw(first + k))));
     }
     mesh.colors = Colors::Face(colors);
@@ -64,13 +65,19 @@ fn triangles(count: usize, seed: u64) -> Mesh {
 /// The same faces with indices, every vertex shared by two of them, coloured by vertex.
 fn indexed(count: usize) -> Mesh {
     let faces = triangles(count, 7);
-    let (mut indices, vertices) = (Vec::new(), faces.positions.len() as u32);
+    let mut indices = Vec::new();
+    let vertices = faces.positions.len() as u32;
     for face in 0..count as u32 {
         indices.extend([3 * face, 3 * face + 1, (3 * face + 5) % vertices]);
     }
     let rng = Rng::new(8, "view test", 1);
-    let color = |v: usize| [0, 1, 2].map(|k| linear_from_srgb(rng.uniform_f64((3 * v + k) as u64) as f32));
-    Mesh { colors: Colors::Vertex((0..faces.positions.len()).map(color).collect()), indices, ..faces }
+    let color =
+        |v: usize| [0, 1, 2].map(|k| linear_from_srgb(rng.uniform_f64((3 * v + k) as u64) as f32));
+    Mesh {
+        colors: Colors::Vertex((0..faces.positions.len()).map(color).collect()),
+        indices,
+        ..faces
+    }
 }
 
 fn asset(mesh: Mesh) -> Asset {
@@ -84,12 +91,14 @@ fn cast(mesh: &Mesh, camera: &Camera, at: Vec2) -> Option<(usize, [f64; 3])> {
     let ray = ((at - camera.center) / camera.focal).as_dvec2().extend(1.0);
     let mut best: Option<(f64, usize, [f64; 3])> = None;
     for face in 0..mesh.face_count() {
-        let [a, b, c] = mesh.corners(face).map(|v| rotation * v.as_dvec3() + camera.translation.as_dvec3());
+        let [a, b, c] =
+            mesh.corners(face).map(|v| rotation * v.as_dvec3() + camera.translation.as_dvec3());
         let across = ray.cross(c - a);
         let inverse = 1.0 / (b - a).dot(across);
         let u = -a.dot(across) * inverse;
         let q = (-a).cross(b - a);
-        let (v, t) = (ray.dot(q) * inverse, (c - a).dot(q) * inverse);
+        let v = ray.dot(q) * inverse;
+        let t = (c - a).dot(q) * inverse;
         // Both axes of the picture are those of a camera that looks along +z with y down: fronts turn clockwise about the ray.
         let is_back = (b - a).cross(c - a).dot(ray) > 0.0;
         if is_back && mesh.is_single_sided(face) {
@@ -106,7 +115,8 @@ fn cast(mesh: &Mesh, camera: &Camera, at: Vec2) -> Option<(usize, [f64; 3])> {
 
 /// Faces (0 = background) and 8-bit colours of every pixel.
 fn reference(mesh: &Mesh, camera: &Camera) -> (Vec<usize>, RgbImage) {
-    let (mut faces, mut rgb) = (Vec::new(), Vec::new());
+    let mut faces = Vec::new();
+    let mut rgb = Vec::new();
     for i in 0..camera.size.element_product() {
         let at = Vec2::new((i % camera.size.x) as f32 + 0.5, (i / camera.size.x) as f32 + 0.5);
         let hit = cast(mesh, camera, at);
@@ -131,7 +141,8 @@ fn assert_agrees(name: &str, got: &RgbImage, faces: &[usize], wants: &RgbImage) 
         let near = [i, i.wrapping_sub(1), i + 1, i.wrapping_sub(width), i + width];
         near.iter().all(|&n| faces.get(n).is_none_or(|f| *f == faces[i]))
     };
-    let wrong: Vec<usize> = (0..faces.len()).filter(|&i| off(got.rgb[i], wants.rgb[i]) > 1).collect();
+    let wrong: Vec<usize> =
+        (0..faces.len()).filter(|&i| off(got.rgb[i], wants.rgb[i]) > 1).collect();
     let lost = wrong.iter().filter(|&&i| inside(i)).count();
     if lost > 0 || wrong.len() * 100 > faces.len() {
         let folder = std::env::temp_dir();
@@ -179,12 +190,15 @@ fn models_take_the_bytes_they_promise() {
 fn averaged(fine: &RgbImage, side: u32) -> RgbImage {
     let size = fine.size / side;
     let mean = |i: u32| {
-        let (x, y) = (side * (i % size.x), side * (i / size.x));
+        let x = side * (i % size.x);
+        let y = side * (i / size.x);
         let sample = |k: u32| fine.rgb[((y + k / side) * fine.size.x + x + k % side) as usize];
-        let linear =
-            |c: usize| (0..side * side).map(move |k| linear_from_srgb(f32::from(sample(k)[c]) / 255.0));
-        [0, 1, 2]
-            .map(|c| (srgb_from_linear(linear(c).sum::<f32>() / (side * side) as f32) * 255.0).round() as u8)
+        let linear = |c: usize| {
+            (0..side * side).map(move |k| linear_from_srgb(f32::from(sample(k)[c]) / 255.0))
+        };
+        [0, 1, 2].map(|c| {
+            (srgb_from_linear(linear(c).sum::<f32>() / (side * side) as f32) * 255.0).round() as u8
+        })
     };
     RgbImage { size, rgb: (0..size.element_product()).map(mean).collect(), alpha: None }
 }
@@ -198,7 +212,9 @@ fn multisampling_comes_nearer_to_the_average() {
         let params = FrameParams { msaa, ..params(&camera().resized(SIZE * side)) };
         card.render(&model, &params).unwrap().0
     };
-    let (truth, one, four) = (averaged(&draw(8, 1), 8), draw(1, 1), draw(1, 4));
+    let truth = averaged(&draw(8, 1), 8);
+    let one = draw(1, 1);
+    let four = draw(1, 4);
     let error = |p: &RgbImage| -> u64 {
         p.rgb.iter().zip(&truth.rgb).map(|(a, b)| u64::from(off(*a, *b)).pow(2)).sum()
     };
@@ -225,8 +241,12 @@ fn single_sided_faces_are_drawn_from_their_front_only() {
 fn culling_chunks_does_not_change_the_picture() {
     let Some(mut card) = card() else { return };
     let scene = Scene::Mesh(triangles(4000, 11));
-    let loaded =
-        ImportedScene { scene, provenance: Default::default(), warnings: Vec::new(), cameras: Vec::new() };
+    let loaded = ImportedScene {
+        scene,
+        provenance: Default::default(),
+        warnings: Vec::new(),
+        cameras: Vec::new(),
+    };
     let mut baked = BakeOptions::preset(BakePreset::Fast);
     baked.chunk.chunk_triangles = 64;
     let chunked = bake(loaded, &baked).unwrap();
@@ -243,9 +263,13 @@ fn culling_chunks_does_not_change_the_picture() {
 #[test]
 fn what_a_card_cannot_do_is_an_error_that_says_so() {
     let Some(mut card) = card() else { return };
-    let missing = AdapterOptions { adapter: Some("no such card".into()), ..AdapterOptions::default() };
+    let missing =
+        AdapterOptions { adapter: Some("no such card".into()), ..AdapterOptions::default() };
     let said = Headless::new(&missing).unwrap_err().to_string();
-    assert!(said.contains("adapter is no such card") && said.contains(&card.gpu.info.name), "{said}");
+    assert!(
+        said.contains("adapter is no such card") && said.contains(&card.gpu.info.name),
+        "{said}"
+    );
     let model = card.upload(&asset(triangles(3, 1))).unwrap();
     let huge = camera().resized(UVec2::new(60_000, 2_000));
     let said = card.render(&model, &params(&huge)).unwrap_err().to_string();

@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 use x11rb::connection::Connection;
 use x11rb::protocol::Event;
 use x11rb::protocol::xproto::{
-    ClientMessageEvent, ConnectionExt, CreateWindowAux, EventMask, PropMode, SELECTION_NOTIFY_EVENT,
-    SelectionNotifyEvent, SelectionRequestEvent, Window, WindowClass,
+    ClientMessageEvent, ConnectionExt, CreateWindowAux, EventMask, PropMode,
+    SELECTION_NOTIFY_EVENT, SelectionNotifyEvent, SelectionRequestEvent, Window, WindowClass,
 };
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
@@ -17,7 +17,8 @@ pub(crate) fn drop_on(display: &str, target: Window, uri: &str) {
     let source = x11.generate_id().unwrap();
     let aux = CreateWindowAux::new();
     let class = WindowClass::INPUT_OUTPUT;
-    x11.create_window(0, source, screen.root, 0, 0, 1, 1, 0, class, screen.root_visual, &aux).unwrap();
+    x11.create_window(0, source, screen.root, 0, 0, 1, 1, 0, class, screen.root_visual, &aux)
+        .unwrap();
     let drag = Drag { source, target, uri: format!("{uri}\r\n"), x11: &x11 };
     x11.set_selection_owner(source, drag.atom("XdndSelection"), 0u32).unwrap();
     let list = drag.atom("text/uri-list");
@@ -41,15 +42,18 @@ impl Drag<'_> {
     }
 
     fn say(&self, what: &str, [a, b, c, d]: [u32; 4]) {
-        let event = ClientMessageEvent::new(32, self.target, self.atom(what), [self.source, a, b, c, d]);
+        let event =
+            ClientMessageEvent::new(32, self.target, self.atom(what), [self.source, a, b, c, d]);
         self.x11.send_event(false, self.target, EventMask::NO_EVENT, event).unwrap();
         self.x11.flush().unwrap();
     }
 
     /// Hands out the list of files when it is asked for, until the target has said `what` and has the list.
     fn answer_until(&self, what: &str) {
-        let (start, wanted) = (Instant::now(), self.atom(what));
-        let (mut said, mut given) = (false, what != "XdndStatus");
+        let start = Instant::now();
+        let wanted = self.atom(what);
+        let mut said = false;
+        let mut given = what != "XdndStatus";
         while !(said && given) {
             assert!(start.elapsed() < Duration::from_secs(60), "waited in vain for {what}");
             match self.x11.poll_for_event().unwrap() {
@@ -67,7 +71,8 @@ impl Drag<'_> {
     }
 
     fn give(&self, request: &SelectionRequestEvent) {
-        let (to, property) = (request.requestor, request.property);
+        let to = request.requestor;
+        let property = request.property;
         let bytes = self.uri.as_bytes();
         self.x11.change_property8(PropMode::REPLACE, to, property, request.target, bytes).unwrap();
         let event = SelectionNotifyEvent {

@@ -30,10 +30,13 @@ fn page(hue: f32, size: UVec2) -> Arc<Texture> {
 /// A bent wall whose squares are on one of two pages, in turn.
 fn wall() -> Mesh {
     let at = |x: u32, y: u32| {
-        let (u, v) = (2.0 * x as f32 / ACROSS as f32 - 1.0, 2.0 * y as f32 / ACROSS as f32 - 1.0);
+        let u = 2.0 * x as f32 / ACROSS as f32 - 1.0;
+        let v = 2.0 * y as f32 / ACROSS as f32 - 1.0;
         Vec3::new(u, v, 0.4 * u * u)
     };
-    let (mut positions, mut uvs, mut page_of) = (Vec::new(), Vec::new(), Vec::new());
+    let mut positions = Vec::new();
+    let mut uvs = Vec::new();
+    let mut page_of = Vec::new();
     for (y, x) in (0..ACROSS).flat_map(|y| (0..ACROSS).map(move |x| (y, x))) {
         let place = |x: u32, y: u32| Vec2::new(x as f32, y as f32) / ACROSS as f32;
         for corners in [[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]] {
@@ -43,7 +46,8 @@ fn wall() -> Mesh {
         }
     }
     let pages = vec![page(0.2, UVec2::new(256, 256)), page(0.8, UVec2::new(300, 130))];
-    let mut mesh = Mesh { positions, texture: Some(FaceTexture { uvs, pages, page_of }), ..Mesh::default() };
+    let mut mesh =
+        Mesh { positions, texture: Some(FaceTexture { uvs, pages, page_of }), ..Mesh::default() };
     mesh.colors = Colors::Face(vec![[0.2; 3]; 2 * (ACROSS * ACROSS) as usize]);
     mesh
 }
@@ -77,7 +81,11 @@ fn textures_are_drawn_as_render_draws_them() {
         .iter()
         .flat_map(|texture| &texture.pages)
         .map(|page| {
-            (0..).map(|level| page.level(level).rgb.len()).take_while(|texels| *texels > 1).sum::<usize>() + 1
+            (0..)
+                .map(|level| page.level(level).rgb.len())
+                .take_while(|texels| *texels > 1)
+                .sum::<usize>()
+                + 1
         })
         .sum();
     assert_eq!(model.bytes, (60 * wall.face_count() + 4 * texels) as u64);

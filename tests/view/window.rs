@@ -44,7 +44,8 @@ impl Desk {
             }
         }
         // A server that resets when its last client leaves refuses who comes while it does.
-        let arguments = ["-noreset", "-displayfd", "1", "-screen", "0", "800x600x24", "-nolisten", "tcp"];
+        let arguments =
+            ["-noreset", "-displayfd", "1", "-screen", "0", "800x600x24", "-nolisten", "tcp"];
         let mut screen = Command::new("Xvfb")
             .args(arguments)
             .stdout(Stdio::piped())
@@ -158,8 +159,10 @@ fn off(a: &RgbImage, b: &RgbImage) -> f64 {
 
 /// The picture in a folder that the window comes to show.
 fn shown_picture(desk: &Desk, folder: &Path) -> RgbImage {
-    let pictures: Vec<RgbImage> =
-        std::fs::read_dir(folder).unwrap().map(|e| RgbImage::load(&e.unwrap().path()).unwrap()).collect();
+    let pictures: Vec<RgbImage> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|e| RgbImage::load(&e.unwrap().path()).unwrap())
+        .collect();
     let shown = || pictures.iter().find(|picture| off(&desk.seen(), picture) < 0.01).cloned();
     wait_for("a photo's view, as the CPU draws it", shown)
 }
@@ -170,7 +173,9 @@ fn write_photos(folder: &Path) {
     let target = Vec3::new(0.0, -0.35, 0.1);
     let frame = |(name, eye): (&str, Vec3)| {
         let size = UVec2::new(200, 150);
-        RgbImage { size, rgb: vec![[128; 3]; 30_000], alpha: None }.save_png(folder.join(name)).unwrap();
+        RgbImage { size, rgb: vec![[128; 3]; 30_000], alpha: None }
+            .save_png(folder.join(name))
+            .unwrap();
         // Camera to world: right, up and back in columns.
         let back = (eye - target).normalize();
         let right = back.cross(Vec3::Y).normalize();
@@ -198,9 +203,29 @@ fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     // A file: `render` takes the colours of a soft soup from its soft pictures, the window shows them as they are.
     desk.run(&["bake", "studio.ply", "-o", "studio.glb", "--teacher", "off"]);
     write_photos(&desk.at("photos"));
-    desk.run(&["render", "studio.glb", "-o", "cpu", "--ssaa", "1", "--dataset", "photos", "--split", "all"]);
+    desk.run(&[
+        "render",
+        "studio.glb",
+        "-o",
+        "cpu",
+        "--ssaa",
+        "1",
+        "--dataset",
+        "photos",
+        "--split",
+        "all",
+    ]);
     let view = [
-        "view", "studio.glb", "--dataset", "photos", "--size", PHOTO, "--msaa", "1", "--screenshots", "shots",
+        "view",
+        "studio.glb",
+        "--dataset",
+        "photos",
+        "--size",
+        PHOTO,
+        "--msaa",
+        "1",
+        "--screenshots",
+        "shots",
     ];
     desk.open(&view);
 
@@ -213,7 +238,9 @@ fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     assert!(off(&desk.screenshot(1), &cpu) < 0.01);
 
     // A drag turns the view, and a screenshot is what the window shows.
-    desk.xdotool("mousemove 100 75 mousedown 1 mousemove 115 78 mousemove 130 81 mousemove 150 85 mouseup 1");
+    desk.xdotool(
+        "mousemove 100 75 mousedown 1 mousemove 115 78 mousemove 130 81 mousemove 150 85 mouseup 1",
+    );
     wait_for("the drag", || (off(&desk.seen(), &cpu) > 0.3).then_some(()));
     let turned = desk.screenshot(2);
     assert!(off(&turned, &cpu) > 0.3);
@@ -289,16 +316,20 @@ fn a_region_is_drawn_hides_what_is_outside_and_is_saved_for_the_bake() {
     desk.xdotool("key Return");
     let saved = desk.at("shots/studio.crop.json");
     wait_for("the saved region", || saved.exists().then_some(()));
-    let config: serde_json::Value = serde_json::from_slice(&std::fs::read(&saved).unwrap()).unwrap();
+    let config: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&saved).unwrap()).unwrap();
     let region = config["crop"]["crop"][0].as_str().unwrap().to_owned();
     assert_eq!(desk.close(), Some(0));
 
     // The same triangles as with the region on the command line, and fewer than all.
     let bake = |output: &str, flags: &[&str]| {
-        desk.run(&[&["bake", "studio.ply", "-o", output, "--teacher", "off", "-q"], flags].concat());
+        desk.run(
+            &[&["bake", "studio.ply", "-o", output, "--teacher", "off", "-q"], flags].concat(),
+        );
         std::fs::read(desk.at(output)).unwrap()
     };
-    let (all, by_file) = (bake("all.glb", &[]), bake("file.glb", &["--config", "shots/studio.crop.json"]));
+    let all = bake("all.glb", &[]);
+    let by_file = bake("file.glb", &["--config", "shots/studio.crop.json"]);
     assert!(by_file.len() < all.len());
     assert!(by_file == bake("flag.glb", &[&format!("--crop={region}")]), "{region}");
 }
@@ -309,7 +340,8 @@ fn a_file_that_is_dropped_is_shown_and_a_broken_one_changes_nothing() {
     samples::studio(desk.at("studio.ply"), 4000);
     desk.run(&["bake", "studio.ply", "-o", "a scene.glb", "--teacher", "off"]);
     write_photos(&desk.at("photos"));
-    std::fs::write(desk.at("one.obj"), "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nf 1 2 3\n").unwrap();
+    std::fs::write(desk.at("one.obj"), "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nf 1 2 3\n")
+        .unwrap();
     std::fs::write(desk.at("broken.glb"), "glTF, but not really").unwrap();
     desk.open(&["view", "one.obj", "--size", PHOTO, "--msaa", "1", "--screenshots", "shots"]);
     let id = desk.window.as_ref().unwrap().1.clone();
@@ -332,7 +364,18 @@ fn a_file_that_is_dropped_is_shown_and_a_broken_one_changes_nothing() {
     assert!(off(&before, &after) > 0.05, "another picture");
     // A folder is a data set of the scene that is shown: the window goes to one of its photos.
     drop(&desk, "photos");
-    desk.run(&["render", "a scene.glb", "-o", "cpu", "--ssaa", "1", "--dataset", "photos", "--split", "all"]);
+    desk.run(&[
+        "render",
+        "a scene.glb",
+        "-o",
+        "cpu",
+        "--ssaa",
+        "1",
+        "--dataset",
+        "photos",
+        "--split",
+        "all",
+    ]);
     shown_picture(&desk, &desk.at("cpu"));
     assert_eq!(desk.close(), Some(0));
 }
@@ -365,7 +408,15 @@ fn a_training_is_shown_while_it_runs_and_its_file_is_that_of_one_nobody_watches(
     samples::photos(desk.at("photos"), [12, 64, 300], 0);
     let train = |output: &'static str, more: &[&'static str]| {
         let plain = [
-            "train", "photos", "--preset", "solid", "--steps", "400", "--max-triangles", "600", "--teacher",
+            "train",
+            "photos",
+            "--preset",
+            "solid",
+            "--steps",
+            "400",
+            "--max-triangles",
+            "600",
+            "--teacher",
             "off",
         ];
         [&plain[..], &["--backend", "cpu", "--output", output], more].concat()
@@ -386,7 +437,8 @@ fn a_training_goes_on_when_its_window_is_closed() {
     let Some(mut desk) = Desk::new() else { return };
     samples::photos(desk.at("photos"), [12, 64, 300], 0);
     // Long enough that it is not over when the window is closed, and then stopped.
-    let train = ["train", "photos", "--steps", "300000", "--max-cpu-secs", "15", "--max-triangles", "600"];
+    let train =
+        ["train", "photos", "--steps", "300000", "--max-cpu-secs", "15", "--max-triangles", "600"];
     desk.open(&[&train[..], &["--backend", "cpu", "--view", "-o", "scene.ply"]].concat());
     assert!(!desk.at("scene.ply").exists());
     assert_eq!(desk.close(), Some(0));

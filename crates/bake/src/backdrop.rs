@@ -30,7 +30,9 @@ const LEAST_HOLES: f64 = 0.001;
 const SCENE_PER_BACKDROP: usize = 20;
 
 /// Whether holes are closed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum BackdropWhen {
@@ -64,7 +66,9 @@ impl BackdropOptions {
     pub fn scene_budget(&self, budget: Option<u64>) -> Option<u64> {
         match self.backdrop {
             BackdropWhen::Off => budget,
-            _ => budget.map(|most| most - subdivisions(most as usize, budget).map_or(0, face_count)),
+            _ => {
+                budget.map(|most| most - subdivisions(most as usize, budget).map_or(0, face_count))
+            }
         }
     }
 }
@@ -72,7 +76,9 @@ impl BackdropOptions {
 trisplat_scene::default!(BackdropOptions);
 
 /// Measurements of holes.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct BackdropDetails {
     /// Share of the photos' pixels without a triangle; absent when photos were not searched.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -109,7 +115,9 @@ pub fn backdrop(
     let holes = find_holes(mesh, views)?;
     details.holes = Some(holes.share);
     if options.backdrop == BackdropWhen::Auto && views.are_cut() && holes.counted < 1.0 {
-        return Ok(Outcome::Skipped("photos show an object without background: there is nothing behind it"));
+        return Ok(Outcome::Skipped(
+            "photos show an object without background: there is nothing behind it",
+        ));
     }
     if options.backdrop == BackdropWhen::Auto && holes.counted < LEAST_COVERED {
         return Ok(Outcome::Skipped("masks leave an object: there is nothing behind it"));
@@ -161,7 +169,9 @@ struct Holes {
 fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
     let drawing = views.drawing(mesh, 1);
     let mut solid = SolidRasterizer::new();
-    let (mut open, mut all, mut color) = (0.0, 0.0, [0.0f64; 3]);
+    let mut open = 0.0;
+    let mut all = 0.0;
+    let mut color = [0.0f64; 3];
     let mut pixels = 0;
     let chosen = views.evenly_spaced(VIEWS);
     views.prefetch(&chosen);
@@ -206,10 +216,12 @@ mod tests {
     fn the_sphere_is_closed_and_of_the_promised_size() {
         for levels in 0..4 {
             let (mesh, _) = surface(Vec3::ZERO, levels, None, 1.0);
-            let faces: Vec<[Vec3; 3]> = (0..mesh.face_count()).map(|face| mesh.corners(face)).collect();
+            let faces: Vec<[Vec3; 3]> =
+                (0..mesh.face_count()).map(|face| mesh.corners(face)).collect();
             assert_eq!(faces.len(), 8 << (2 * levels));
             // Solid angles of a closed sphere seen from its middle add up to 4π; flat faces approach it by area.
-            let area: f32 = faces.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a).length() / 2.0).sum();
+            let area: f32 =
+                faces.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a).length() / 2.0).sum();
             let exact = 4.0 * std::f32::consts::PI;
             assert!(area < exact && (levels < 3 || area > 0.98 * exact), "{levels}: {area}");
             assert!(faces.iter().flatten().all(|v| (v.length() - 1.0).abs() < 1e-5));

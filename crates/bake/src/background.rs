@@ -13,7 +13,15 @@ use trisplat_teacher::Background;
 
 /// Where the colour of the background comes from.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    serde::Serialize,
+    serde::Deserialize,
+    schemars::JsonSchema,
 )]
 #[serde(try_from = "String", into = "String")]
 #[schemars(
@@ -37,7 +45,10 @@ impl FromStr for BackgroundFrom {
         match text {
             "auto" => Ok(Self::Auto),
             "off" => Ok(Self::Off),
-            color => color.parse().map(Self::Color).map_err(|why: String| format!("{why}, or auto or off")),
+            color => color
+                .parse()
+                .map(Self::Color)
+                .map_err(|why: String| format!("{why}, or auto or off")),
         }
     }
 }
@@ -55,7 +66,9 @@ impl fmt::Display for BackgroundFrom {
 trisplat_scene::as_text!(BackgroundFrom);
 
 /// The background that the scene was trained on.
-#[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[serde(deny_unknown_fields, default)]
 pub struct BackgroundOptions {
     /// Colour that a soft scene was trained on; `auto` finds it at the borders of its own pictures
@@ -70,7 +83,9 @@ impl BackgroundOptions {
 }
 
 /// What was found; empty where the scene fills its pictures.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct BackgroundDetails {
     /// The scene is an object: nothing is to be drawn beside it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -111,7 +126,8 @@ pub fn background(
         return Outcome::Skipped("the borders of its pictures have no common colour");
     };
     details.object = true;
-    details.color = found.rgb.map(|rgb| Color(rgb.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8)));
+    details.color =
+        found.rgb.map(|rgb| Color(rgb.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8)));
     let is_object = found.is_object;
     if is_object.iter().all(|object| *object) || !is_object.contains(&true) {
         return Outcome::Skipped("no triangle shows the background alone");

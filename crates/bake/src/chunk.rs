@@ -32,7 +32,9 @@ impl ChunkOptions {
 trisplat_scene::default!(ChunkOptions);
 
 /// How the scene was cut.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct ChunkDetails {
     /// Number of chunks.
     pub chunks: u64,
@@ -60,7 +62,8 @@ pub fn chunk(
         let wants = format!("at most {MAX_CHUNK_TRIANGLES}, the most that 16-bit indices reach");
         return Err(Error::invalid("chunk_triangles", options.chunk_triangles, wants));
     }
-    let (faces, limit) = (asset.scene_faces(), options.chunk_triangles as usize);
+    let faces = asset.scene_faces();
+    let limit = options.chunk_triangles as usize;
     let backdrop = (faces < asset.mesh.face_count())
         .then(|| Chunk { first: faces as u32, count: (asset.mesh.face_count() - faces) as u32 });
     if asset.chunks.len() > 1 + usize::from(backdrop.is_some()) {

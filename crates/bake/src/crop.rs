@@ -15,7 +15,9 @@ use trisplat_scene::{Error, Region, Result, Scene, Soup, UpAxis};
 pub(crate) use volume::SubjectVolume;
 
 /// Which part of the scene is kept.
-#[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct CropOptions {
@@ -38,7 +40,9 @@ impl CropOptions {
 }
 
 /// What cropping dropped.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct CropDetails {
     /// Triangles outside the region.
     pub outside: u64,
@@ -67,7 +71,8 @@ pub(crate) fn crop(
     }
     let (keep, volume) = kept(scene, cameras, up, options)?;
     details.subject_share = volume.as_ref().and_then(|volume| volume.share(cameras));
-    let (kept, total) = (keep.iter().filter(|keep| **keep).count(), keep.len());
+    let kept = keep.iter().filter(|keep| **keep).count();
+    let total = keep.len();
     if kept == total {
         return Ok((Outcome::Skipped("every triangle is inside"), volume));
     }
@@ -82,7 +87,9 @@ pub(crate) fn crop(
 
 /// Keeps what is in the `volume` of the triangles that have `keep`. Returns the number of those that were cut.
 fn keep_parts(soup: &mut Soup, keep: &[bool], volume: &SubjectVolume) -> u64 {
-    let (mut order, mut corners, mut cut) = (Vec::new(), Vec::new(), 0);
+    let mut order = Vec::new();
+    let mut corners = Vec::new();
+    let mut cut = 0;
     for i in (0..soup.len()).filter(|i| keep[*i]) {
         let parts = volume.parts(soup.vertices[i]);
         cut += u64::from(parts != [soup.vertices[i]]);
@@ -121,7 +128,8 @@ fn kept(
     };
     let keep: Vec<bool> = parallel::collect(scene.triangle_count(), GRAIN, holds);
     if !keep.contains(&true) {
-        let wants = format!("a region that overlaps the scene: none of {} triangles is inside", keep.len());
+        let wants =
+            format!("a region that overlaps the scene: none of {} triangles is inside", keep.len());
         return Err(Error::invalid("crop", words(), wants));
     }
     Ok((keep, volume))
@@ -155,15 +163,21 @@ mod tests {
 
     /// A row of small triangles along x, the i-th at x = i.
     fn row(count: usize) -> Scene {
-        let at = |i: usize| [Vec3::ZERO, Vec3::Y * 0.01, Vec3::Z * 0.01].map(|v| v + Vec3::X * i as f32);
+        let at =
+            |i: usize| [Vec3::ZERO, Vec3::Y * 0.01, Vec3::Z * 0.01].map(|v| v + Vec3::X * i as f32);
         let positions = (0..count).flat_map(at).collect();
-        Scene::Mesh(Mesh { positions, colors: Colors::Face(vec![[0.5; 3]; count]), ..Mesh::default() })
+        Scene::Mesh(Mesh {
+            positions,
+            colors: Colors::Face(vec![[0.5; 3]; count]),
+            ..Mesh::default()
+        })
     }
 
     fn left(regions: &[&str], cameras: &[Camera]) -> Result<usize> {
         let crops = regions.iter().map(|text| text.parse().expect(text)).collect();
         let options = CropOptions { crop: crops };
-        let (mut scene, mut details) = (row(10), CropDetails::default());
+        let mut scene = row(10);
+        let mut details = CropDetails::default();
         let (first, _) = crop(&mut scene, cameras, None, &options, &mut details)?;
         let dropped = 10 - scene.triangle_count() as u64;
         assert_eq!((first == Outcome::Changed(()), details.outside), (dropped > 0, dropped));

@@ -83,7 +83,8 @@ impl<'a> Decimation<'a> {
                 }
             }
             let mut order: Vec<usize> = (0..kept.len()).collect();
-            order.sort_unstable_by(|&a, &b| importance[b].total_cmp(&importance[a]).then(a.cmp(&b)));
+            order
+                .sort_unstable_by(|&a, &b| importance[b].total_cmp(&importance[a]).then(a.cmp(&b)));
             let sorted: Vec<u32> = order.iter().map(|&i| kept[i]).collect();
             let last = keep <= fewest || keep >= sorted.len();
             dropped.extend(sorted[if last { 0 } else { keep }..].iter().rev());
@@ -102,7 +103,8 @@ impl<'a> Decimation<'a> {
     pub fn move_corners(&mut self, faces: &[u32], mut progress: StageProgress<'_>) -> MovedCorners {
         let mut kept = faces.to_vec();
         kept.sort_unstable();
-        let mut corners: Vec<[Vec3; 3]> = kept.iter().map(|&f| self.mesh.corners(f as usize)).collect();
+        let mut corners: Vec<[Vec3; 3]> =
+            kept.iter().map(|&f| self.mesh.corners(f as usize)).collect();
         let mut moves = 0;
         let rounds = if self.mesh.indices.is_empty() { MOVE_ROUNDS } else { 0 };
         for round in 0..rounds {
@@ -199,13 +201,20 @@ impl CellGrid {
         let at = |share: f64| ((points.len().max(1) - 1) as f64 * share) as usize;
         let extent = |a: usize, share: f64| {
             let mut along: Vec<f32> = points.iter().map(|p| p[a]).collect();
-            if along.is_empty() { 0.0 } else { *along.select_nth_unstable_by(at(share), f32::total_cmp).1 }
+            if along.is_empty() {
+                0.0
+            } else {
+                *along.select_nth_unstable_by(at(share), f32::total_cmp).1
+            }
         };
         let low = Vec3::from([0, 1, 2].map(|a| extent(a, 0.05)));
         let high = Vec3::from([0, 1, 2].map(|a| extent(a, 0.95)));
         // Triangles fill surfaces, not volumes.
         let size = (high - low).max_element().max(f32::MIN_POSITIVE);
-        Self { origin: low, cell: size * (f64::from(PER_CELL) / points.len().max(1) as f64).sqrt() as f32 }
+        Self {
+            origin: low,
+            cell: size * (f64::from(PER_CELL) / points.len().max(1) as f64).sqrt() as f32,
+        }
     }
 
     fn of(&self, point: Vec3) -> [i32; 3] {

@@ -9,7 +9,9 @@ use trisplat_scene::Result;
 use trisplat_scene::report::Outcome;
 
 /// Whether photos are corrected.
-#[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExposureOptions {
     /// Whether to correct photos that differ in exposure and white balance, or are darker in their corners: auto (as the training did), on,
@@ -43,12 +45,16 @@ pub(crate) fn exposure(
     let strengths = options.exposure.strengths().unwrap_or(trained);
     if strengths.is_none() {
         return Ok(Outcome::Skipped(match options.exposure {
-            ExposureUse::Auto => "the scene was trained on photos as they are (`exposure` on corrects them)",
+            ExposureUse::Auto => {
+                "the scene was trained on photos as they are (`exposure` on corrects them)"
+            }
             _ => "`exposure` off",
         }));
     }
     let Some(tracked) = views.tracked.clone().filter(|_| !views.are_cut()) else {
-        return Ok(Outcome::Skipped("photos track too few points, or are of an object before nothing"));
+        return Ok(Outcome::Skipped(
+            "photos track too few points, or are of an object before nothing",
+        ));
     };
     let all: Vec<usize> = (0..views.len()).collect();
     views.prefetch(&all);

@@ -68,10 +68,12 @@ pub use reshape::{ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, resh
 pub use run::{Bake, bake};
 pub use sides::{Sides, SidesDetails, SidesOptions, sides};
 pub use solid::{
-    ColorDetails, SOLID_SIGMA, SolidDetails, SolidOptions, Solidify, area_factor, color, contour_factor,
-    shrink, solid,
+    ColorDetails, SOLID_SIGMA, SolidDetails, SolidOptions, Solidify, area_factor, color,
+    contour_factor, shrink, solid,
 };
-pub use teacher::{TeacherDetails, TeacherOptions, TeacherWhen, is_solid, pictures, softness, teacher};
+pub use teacher::{
+    TeacherDetails, TeacherOptions, TeacherWhen, is_solid, pictures, softness, teacher,
+};
 pub use texture::{TextureDetail, TextureDetails, TextureOptions, TextureWhen, texture};
 pub use tiles::{TilesDetails, TilesOptions, tiles};
 pub use trisplat_dataset::exposure::ExposureDetails;

@@ -16,7 +16,9 @@ use trisplat_scene::report::Outcome;
 use trisplat_surface::SurfaceOptions;
 
 /// Whether the scene gets normals and a lit material.
-#[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct LitOptions {
@@ -35,7 +37,15 @@ impl LitOptions {
 
 /// Which normals triangles get.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    serde::Serialize,
+    serde::Deserialize,
+    schemars::JsonSchema,
 )]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
@@ -50,7 +60,9 @@ pub enum Lit {
 }
 
 /// What normals were made of.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct LitDetails {
     /// Number of cameras that decided the fronts of faces.
     pub cameras: u64,
@@ -94,7 +106,8 @@ pub fn lit(
     let cameras: Vec<&Camera> = asked(cameras).collect();
     let seen = see(mesh, &cameras);
     details.cameras = cameras.len() as u64;
-    details.unseen = seen.iter().filter(|seen| !cameras.is_empty() && seen.weight == 0.0).count() as u64;
+    details.unseen =
+        seen.iter().filter(|seen| !cameras.is_empty() && seen.weight == 0.0).count() as u64;
     mesh.normals = match options.lit {
         Lit::Smooth => smooth(mesh, &seen, surface, details),
         _ => seen.iter().map(|seen| seen.normal).collect(),
@@ -107,8 +120,11 @@ pub fn lit(
             details.flipped += 1;
         }
     }
-    let mut angles: Vec<f32> =
-        seen.iter().zip(&mesh.normals).map(|(seen, n)| seen.normal.angle_between(*n).to_degrees()).collect();
+    let mut angles: Vec<f32> = seen
+        .iter()
+        .zip(&mesh.normals)
+        .map(|(seen, n)| seen.normal.angle_between(*n).to_degrees())
+        .collect();
     let middle = angles.len() / 2;
     details.median_angle = *angles.select_nth_unstable_by(middle, f32::total_cmp).1;
     Ok(Outcome::Changed(()))
@@ -145,18 +161,25 @@ fn see(mesh: &Mesh, cameras: &[&Camera]) -> Vec<Seen> {
     let seen = |face: usize| {
         let [front, back] = pixels[face];
         let normal = mesh.flat_normal(face);
-        let weight = if cameras.is_empty() { mesh.area(face) as f32 } else { (front + back) as f32 };
+        let weight =
+            if cameras.is_empty() { mesh.area(face) as f32 } else { (front + back) as f32 };
         Seen { normal: if back > front { -normal } else { normal }, weight }
     };
     parallel::collect(pixels.len(), GRAIN, seen)
 }
 
 /// Smooth normals from the surface or the neighbourhood.
-fn smooth(mesh: &Mesh, seen: &[Seen], surface: Option<&Mesh>, details: &mut LitDetails) -> Vec<Vec3> {
+fn smooth(
+    mesh: &Mesh,
+    seen: &[Seen],
+    surface: Option<&Mesh>,
+    details: &mut LitDetails,
+) -> Vec<Vec3> {
     let of_surface = surface.map(SurfaceNormals::of);
     let around = Cells::of(mesh, seen);
     let normal = |face: usize| {
-        let (seen, centroid) = (&seen[face], mesh.centroid(face));
+        let seen = &seen[face];
+        let centroid = mesh.centroid(face);
         let of_surface = of_surface.as_ref().and_then(|surface| surface.at(centroid, seen.normal));
         match of_surface {
             Some(normal) => (normal, 1),
@@ -234,7 +257,8 @@ impl Cells {
     /// The mean normal of the cells around a point, for a face there with this normal.
     fn at(&self, point: Vec3, normal: Vec3) -> Vec3 {
         let at = point / self.side - 0.5;
-        let (corner, share) = (at.floor(), at - at.floor());
+        let corner = at.floor();
+        let share = at - at.floor();
         let mut sum = Vec3::ZERO;
         for step in 0..8 {
             let step = IVec3::new(step & 1, step >> 1 & 1, step >> 2);

@@ -16,7 +16,9 @@ use trisplat_scene::{Asset, Error, Result};
 const MOST_LEVELS: usize = 8;
 
 /// Which levels are made.
-#[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct LodOptions {
@@ -44,14 +46,20 @@ impl LodOptions {
             ));
         }
         if self.lod.len() > MOST_LEVELS {
-            return Err(Error::invalid("lod", self.lod.len(), format!("at most {MOST_LEVELS} levels")));
+            return Err(Error::invalid(
+                "lod",
+                self.lod.len(),
+                format!("at most {MOST_LEVELS} levels"),
+            ));
         }
         Ok(())
     }
 }
 
 /// The levels, finest first.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct LodDetails {
     /// How triangles were ranked.
     pub ordered_by: LodRanking,
@@ -63,7 +71,15 @@ trisplat_scene::stage!(LodDetails, "lod");
 
 /// How the triangles of levels are ranked.
 #[derive(
-    Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    serde::Serialize,
+    serde::Deserialize,
+    schemars::JsonSchema,
 )]
 #[serde(rename_all = "lowercase")]
 pub enum LodRanking {
@@ -137,13 +153,15 @@ pub fn lod(
     if !source.cameras.is_empty() {
         details.ordered_by = LodRanking::Importance;
     }
-    let start = |i: usize| RANKING_PART + (1.0 - RANKING_PART) * i as f64 / options.lod.len() as f64;
+    let start =
+        |i: usize| RANKING_PART + (1.0 - RANKING_PART) * i as f64 / options.lod.len() as f64;
     for (i, &share) in options.lod.iter().enumerate() {
         let mut progress = progress.part(start(i), start(i + 1));
         let faces = &ranked[..count(share).min(faces)];
         let level = level(source, &mut decimation, faces, progress.part(0.0, MOVING_PART));
         let FinishedLevel { asset, psnr } = finish(level, progress.part(MOVING_PART, 1.0))?;
-        let (triangles, detail) = (asset.scene_faces() as u64, asset.detail());
+        let triangles = asset.scene_faces() as u64;
+        let detail = asset.detail();
         details.levels.push(LevelDetails { share, triangles, psnr, detail });
         levels.push(asset);
     }

@@ -8,7 +8,9 @@ use crate::texture::texture_all;
 use glam::{DVec3, Vec3};
 use trisplat_formats::is_far;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::{Error, ImportedScene, Placement, Provenance, Result, Scene, UpDirection, placed};
+use trisplat_scene::{
+    Error, ImportedScene, Placement, Provenance, Result, Scene, UpDirection, placed,
+};
 
 /// One scene out of `inputs`, in their order.
 ///
@@ -118,7 +120,8 @@ const APART: f64 = 16_384.0;
 /// input without a known place in that world keeps its coordinates; a warning names it.
 pub(super) fn share_origin(inputs: &mut [ImportedScene]) {
     let placements = || inputs.iter().map(|loaded| loaded.provenance.placement);
-    let Some(first) = placements().next().filter(|first| placements().any(|other| other != *first)) else {
+    let Some(first) = placements().next().filter(|first| placements().any(|other| other != *first))
+    else {
         return;
     };
     let far = placements().find(is_georeferenced);
@@ -132,7 +135,10 @@ pub(super) fn share_origin(inputs: &mut [ImportedScene]) {
         }
         let apart = DVec3::from(own.center) - DVec3::from(frame.center);
         let number = i + 1;
-        if is_georeferenced(&own) || (far.is_none() && is_moved_soup(loaded)) || is_at(loaded, &frame) {
+        if is_georeferenced(&own)
+            || (far.is_none() && is_moved_soup(loaded))
+            || is_at(loaded, &frame)
+        {
             let [x, y, z] = apart.to_array();
             rebase(loaded, &frame);
             let text = format!(
@@ -176,7 +182,9 @@ fn is_moved_soup(loaded: &ImportedScene) -> bool {
 fn is_at(loaded: &ImportedScene, frame: &Placement) -> bool {
     let triangles = loaded.scene.triangle_count();
     let corner = |i: usize| loaded.scene.corners(i)[0];
-    let Some(at) = (0..triangles).map(corner).find(|corner| corner.is_finite()) else { return false };
+    let Some(at) = (0..triangles).map(corner).find(|corner| corner.is_finite()) else {
+        return false;
+    };
     let center = DVec3::from(frame.center);
     loaded.provenance.placement == Placement::IDENTITY
         && at.as_dvec3().distance(center) < center.length() / 2.0
@@ -201,6 +209,7 @@ pub(super) fn rebase(loaded: &mut ImportedScene, frame: &Placement) {
     }
     let to_file = |camera| placed::to_file(camera, &moved, DVec3::ZERO);
     loaded.cameras = loaded.cameras.iter().map(to_file).collect();
-    let viewpoint = loaded.provenance.viewpoint.map(|viewpoint| moved.viewpoint_to_file(&viewpoint));
+    let viewpoint =
+        loaded.provenance.viewpoint.map(|viewpoint| moved.viewpoint_to_file(&viewpoint));
     loaded.provenance.viewpoint = viewpoint;
 }

@@ -31,13 +31,22 @@ pub struct MeshOptions {
     #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Crop: keep a region"))]
     pub crop: CropOptions,
     /// How the surface is made.
-    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Surface: one connected mesh"))]
+    #[cfg_attr(
+        feature = "cli",
+        command(flatten, next_help_heading = "Surface: one connected mesh")
+    )]
     pub surface: SurfaceOptions,
     /// Whether triangles show a texture.
-    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Texture: detail of the photos"))]
+    #[cfg_attr(
+        feature = "cli",
+        command(flatten, next_help_heading = "Texture: detail of the photos")
+    )]
     pub texture: TextureOptions,
     /// The frame of the output.
-    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Place: the frame of the output"))]
+    #[cfg_attr(
+        feature = "cli",
+        command(flatten, next_help_heading = "Place: the frame of the output")
+    )]
     pub place: PlaceOptions,
     /// The files written.
     #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Output"))]
@@ -84,10 +93,12 @@ pub fn mesh(
     let cameras = views.as_deref().map_or(&[][..], Views::cameras);
     let known = if cameras.is_empty() { scene.cameras.clone() } else { cameras.to_vec() };
     // A surface that shows photos gets their background, too; a cropped part gets none.
-    let behind = match options.texture.is_wanted() && !options.surface.shell && options.crop.crop.is_empty() {
-        true => take_behind(&mut scene, &known)?,
-        false => Mesh::default(),
-    };
+    let behind =
+        match options.texture.is_wanted() && !options.surface.shell && options.crop.crop.is_empty()
+        {
+            true => take_behind(&mut scene, &known)?,
+            false => Mesh::default(),
+        };
     if !options.surface.shell {
         scene.take_backdrop();
     }
@@ -95,7 +106,8 @@ pub fn mesh(
     let whole = options.crop.is_subject().then(|| scene.clone());
     let (scene, volume) = cropped(scene, &known, options, report, observer)?;
     let keep = volume.map(|volume| {
-        let (known, crop) = (&known, &options.crop);
+        let known = &known;
+        let crop = &options.crop;
         move |mesh: &Mesh| faces_within(mesh, &volume, known, crop)
     });
     let bounds = || scene.scene.bounds(scene.scene.triangle_count());
@@ -114,41 +126,56 @@ pub fn mesh(
         |mesh| if mesh.face_count() == 0 { scene.scene.counts() } else { Mesh::counts(mesh) },
         |mesh, details: &mut SurfaceDetails, progress| {
             let part = part.as_ref();
-            let found = surface_of_part(&scene, cameras, part, &surface_options, limits, details, progress)?;
+            let found = surface_of_part(
+                &scene,
+                cameras,
+                part,
+                &surface_options,
+                limits,
+                details,
+                progress,
+            )?;
             *mesh = found.ok_or_else(nothing)?;
             Ok(Outcome::Changed(()))
         },
     )?;
 
-    let (mut found, backdrop) = (found, behind.face_count());
+    let mut found = found;
+    let backdrop = behind.face_count();
     found.append(behind)?;
     let found = report.long_stage(observer, found, Mesh::counts, |mesh, details, progress| {
         texture(mesh, views.as_deref_mut(), None, &options.texture, details, progress)
     })?;
 
-    report.warnings.extend(report.details::<TextureDetails>().and_then(|details| details.warning()));
+    report
+        .warnings
+        .extend(report.details::<TextureDetails>().and_then(|details| details.warning()));
 
     let mut provenance = Provenance { backdrop: backdrop as u32, ..scene.provenance };
     let points = views.as_deref().map_or(&[][..], Views::points);
     let mut how = Placement::IDENTITY;
-    let found = report.stage(observer, found, Mesh::counts, |mesh, details: &mut PlaceDetails| {
-        let evidence = Evidence { cameras: &known, points };
-        let subject = options.crop.is_subject();
-        how = placement_of(subject, mesh, &provenance, evidence, &options.place, details);
-        place(mesh, &mut provenance, how, details)
-    })?;
+    let found =
+        report.stage(observer, found, Mesh::counts, |mesh, details: &mut PlaceDetails| {
+            let evidence = Evidence { cameras: &known, points };
+            let subject = options.crop.is_subject();
+            how = placement_of(subject, mesh, &provenance, evidence, &options.place, details);
+            place(mesh, &mut provenance, how, details)
+        })?;
     report.warnings.extend(report.details::<PlaceDetails>().and_then(|details| details.warning()));
     provenance.generator = Some(generator());
     let known: Vec<Camera> = known.iter().map(|c| placed::to_file(c, &how, DVec3::ZERO)).collect();
     let mut asset = Asset { provenance, ..Asset::from(found) };
     asset.chunks = scene_and_backdrop(&asset);
     by_material(&mut asset);
-    report.stage(observer, asset, Asset::counts, |asset, details| Ok(viewpoint(asset, &known, details)))
+    report.stage(observer, asset, Asset::counts, |asset, details| {
+        Ok(viewpoint(asset, &known, details))
+    })
 }
 
 /// No chunk holds faces of both a scene and its backdrop.
 fn scene_and_backdrop(asset: &Asset) -> Vec<Chunk> {
-    let (scene, all) = (asset.scene_faces() as u32, asset.mesh.face_count() as u32);
+    let scene = asset.scene_faces() as u32;
+    let all = asset.mesh.face_count() as u32;
     let both = [Chunk { first: 0, count: scene }, Chunk { first: scene, count: all - scene }];
     both.into_iter().filter(|chunk| chunk.count > 0).collect()
 }

@@ -21,10 +21,13 @@ pub(super) fn misfit(mesh: &Mesh, part: bool, views: &mut Views) -> Result<Optio
         return Ok(None);
     }
     let chosen = views.evenly_spaced(VIEWS);
-    let (drawing, mut solid) = (views.drawing(mesh, 1), SolidRasterizer::new());
-    let (mut drawn, mut plain) = (0.0, 0.0);
+    let drawing = views.drawing(mesh, 1);
+    let mut solid = SolidRasterizer::new();
+    let mut drawn = 0.0;
+    let mut plain = 0.0;
     views.prefetch(&chosen);
-    let (mut pictures, mut photos) = (Vec::new(), Vec::new());
+    let mut pictures = Vec::new();
+    let mut photos = Vec::new();
     for &view in &chosen {
         let mut photo = views.photo(view)?;
         let picture = solid.render(mesh, views.camera(view), &drawing);
@@ -49,15 +52,18 @@ pub(super) fn misfit(mesh: &Mesh, part: bool, views: &mut Views) -> Result<Optio
 /// The photo without the pixels that show no face.
 fn within(photo: &RgbImage, faces: &[u32]) -> RgbImage {
     let alpha = |i: usize| photo.alpha.as_ref().map_or(u8::MAX, |alpha| alpha[i]);
-    let seen = faces.iter().enumerate().map(|(i, face)| if *face == NO_FACE { 0 } else { alpha(i) });
+    let seen =
+        faces.iter().enumerate().map(|(i, face)| if *face == NO_FACE { 0 } else { alpha(i) });
     RgbImage { alpha: Some(seen.collect()), ..photo.clone() }
 }
 
 /// How much more drawings correlate with their own photos than with others of the same size.
 fn own_resemblance(pictures: &[RgbImage], photos: &[Arc<RgbImage>]) -> f64 {
-    let (mut own, mut others) = ((0.0, 0.0), (0.0, 0.0));
+    let mut own = (0.0, 0.0);
+    let mut others = (0.0, 0.0);
     for (i, picture) in pictures.iter().enumerate() {
-        for (j, photo) in photos.iter().enumerate().filter(|(_, photo)| photo.size == picture.size) {
+        for (j, photo) in photos.iter().enumerate().filter(|(_, photo)| photo.size == picture.size)
+        {
             let to = if i == j { &mut own } else { &mut others };
             to.0 += correlation(&picture.rgb, &photo.rgb, photo.alpha.as_deref());
             to.1 += 1.0;
@@ -72,7 +78,9 @@ fn correlation(a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
     let brightness = |rgb: &[u8; 3]| rgb.iter().map(|c| f64::from(*c)).sum::<f64>();
     let mut sums = [0.0; 6];
     for (pixel, (a, b)) in a.iter().zip(b).enumerate() {
-        let (w, x, y) = (weights.map_or(1.0, |w| f64::from(w[pixel])), brightness(a), brightness(b));
+        let w = weights.map_or(1.0, |w| f64::from(w[pixel]));
+        let x = brightness(a);
+        let y = brightness(b);
         let terms = [w, w * x, w * y, w * x * x, w * y * y, w * x * y];
         sums = std::array::from_fn(|i| sums[i] + terms[i]);
     }
@@ -85,7 +93,8 @@ fn correlation(a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
 pub fn psnr_of_mean_color(photo: &RgbImage) -> f64 {
     let weights = photo.alpha.as_deref();
     let weight = |pixel: usize| weights.map_or(1.0, |alpha| f64::from(alpha[pixel]));
-    let (mut sum, mut total) = ([0.0; 3], 0.0);
+    let mut sum = [0.0; 3];
+    let mut total = 0.0;
     for (pixel, rgb) in photo.rgb.iter().enumerate() {
         let w = weight(pixel);
         total += w;
@@ -115,8 +124,10 @@ mod tests {
 
     #[test]
     fn a_part_is_judged_where_it_is() {
-        let photo =
-            RgbImage { alpha: Some(vec![9, 8, 7]), ..RgbImage::from_rgb(UVec2::new(3, 1), &[[0.5; 3]; 3]) };
+        let photo = RgbImage {
+            alpha: Some(vec![9, 8, 7]),
+            ..RgbImage::from_rgb(UVec2::new(3, 1), &[[0.5; 3]; 3])
+        };
         assert_eq!(within(&photo, &[4, NO_FACE, 0]).alpha, Some(vec![9, 0, 7]));
     }
 }

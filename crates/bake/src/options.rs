@@ -163,9 +163,12 @@ impl BakeOptions {
                 ..Self::DEFAULT
             },
             BakePreset::Default => Self::DEFAULT,
-            BakePreset::Small => {
-                Self { preset, prune: PruneOptions::SMALL, output: OutputOptions::SMALL, ..Self::DEFAULT }
-            }
+            BakePreset::Small => Self {
+                preset,
+                prune: PruneOptions::SMALL,
+                output: OutputOptions::SMALL,
+                ..Self::DEFAULT
+            },
         }
     }
 

@@ -9,7 +9,9 @@ use trisplat_scene::report::Outcome;
 use trisplat_scene::{Asset, Chunk, Result, Scene};
 
 /// The order of faces within a chunk.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum FaceOrder {
     /// Along a space-filling curve
@@ -36,7 +38,9 @@ impl OrderOptions {
 trisplat_scene::default!(OrderOptions);
 
 /// What ordering did.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct OrderDetails {
     /// Faces that changed their place in the file.
     pub moved: u64,
@@ -45,13 +49,18 @@ pub struct OrderDetails {
 trisplat_scene::stage!(OrderDetails, "order");
 
 /// Orders the faces of every chunk.
-pub fn order(asset: &mut Asset, options: &OrderOptions, details: &mut OrderDetails) -> Result<Outcome<()>> {
+pub fn order(
+    asset: &mut Asset,
+    options: &OrderOptions,
+    details: &mut OrderDetails,
+) -> Result<Outcome<()>> {
     if options.order == FaceOrder::None {
         return Ok(Outcome::Skipped("it was not asked for"));
     }
     let mesh = &asset.mesh;
     let faces_of = |chunk: &Chunk| (chunk.first..chunk.first + chunk.count).collect::<Vec<_>>();
-    let order = parallel::map(&asset.chunks, |_, chunk| faces_along_curve(mesh, &faces_of(chunk))).concat();
+    let order =
+        parallel::map(&asset.chunks, |_, chunk| faces_along_curve(mesh, &faces_of(chunk))).concat();
     let moved = order.iter().zip(0..).filter(|&(&from, to)| from != to).count();
     if moved == 0 {
         return Ok(Outcome::Skipped("near faces are near in the file already"));
@@ -75,7 +84,9 @@ pub(super) fn faces_along_curve(mesh: &Mesh, faces: &[u32]) -> Vec<u32> {
 const FEWEST: usize = 16_384;
 
 /// What arranging did.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct ArrangeDetails {
     /// Triangles that changed their place.
     pub moved: u64,
@@ -125,7 +136,9 @@ mod tests {
         let rng = Rng::new(1, "arrange", 0);
         let at = |i: usize| Vec3::from([0, 1, 2].map(|k| rng.uniform((3 * i + k) as u64)));
         Soup {
-            vertices: (0..count).map(|i| [at(i), at(i) + 1e-3 * Vec3::X, at(i) + 1e-3 * Vec3::Y]).collect(),
+            vertices: (0..count)
+                .map(|i| [at(i), at(i) + 1e-3 * Vec3::X, at(i) + 1e-3 * Vec3::Y])
+                .collect(),
             opacity: (0..count).map(|i| i as f32).collect(),
             sigma: (0..count).map(|i| -(i as f32)).collect(),
             sh: (0..4 * count).map(|i| [i as f32; 3]).collect(),
@@ -141,7 +154,8 @@ mod tests {
     #[test]
     fn near_triangles_are_near_and_keep_all_they_have() {
         let before = soup(FEWEST);
-        let (mut scene, mut details) = (Scene::Soup(before.clone()), ArrangeDetails::default());
+        let mut scene = Scene::Soup(before.clone());
+        let mut details = ArrangeDetails::default();
         let outcome = arrange(&mut scene, true, FaceOrder::Spatial, &mut details);
         assert!(matches!(outcome, Outcome::Changed(())) && details.moved > 10_000, "{details:?}");
         let Scene::Soup(after) = scene else { unreachable!("a soup stays one") };

@@ -57,8 +57,14 @@ pub struct PlaceOptions {
 
 impl PlaceOptions {
     /// Only turns the up axis.
-    pub const DEFAULT: Self =
-        Self { up: UpChoice::Auto, rotate: 0.0, scale: 1.0, scale_by: None, center: false, ground: false };
+    pub const DEFAULT: Self = Self {
+        up: UpChoice::Auto,
+        rotate: 0.0,
+        scale: 1.0,
+        scale_by: None,
+        center: false,
+        ground: false,
+    };
 
     /// Checks ranges.
     pub fn validate(&self) -> Result<()> {
@@ -129,7 +135,9 @@ pub fn placement(
         (UpChoice::Auto, said) => {
             details.estimate = up::estimate(scene, known);
             let usable = details.estimate.as_ref().filter(|e| e.confidence != Confidence::None);
-            usable.map_or(said.unwrap_or_default().into(), |e| UpDirection::near(DVec3::from(e.direction)))
+            usable.map_or(said.unwrap_or_default().into(), |e| {
+                UpDirection::near(DVec3::from(e.direction))
+            })
         }
     };
     // Unlike the middle of the bounds the median does not follow a far background.
@@ -167,14 +175,19 @@ pub fn place(
     let cameras = placed::named_cameras(provenance);
     let cameras = cameras.iter().map(|camera| placed::to_file(camera, &placement, DVec3::ZERO));
     provenance.cameras = placed::named(&cameras.collect::<Vec<Camera>>());
-    (details.scale, details.center) = (Some(placement.scale), Some(placement.center));
+    details.scale = Some(placement.scale);
+    details.center = Some(placement.center);
     details.rotate = (placement.rotate != 0.0).then_some(placement.rotate);
     let transform = placement.transform();
     parallel::for_each_mut(&mut mesh.positions, 1 << 14, |_, p| *p = transform(*p));
     let rotation = placement.rotation();
     mesh.normals.iter_mut().for_each(|n| *n = (rotation * n.as_dvec3()).as_vec3());
     match all_finite(bytemuck::cast_slice(&mesh.positions)) {
-        false => Err(Error::invalid("scale", placement.scale, "a factor that keeps every position finite")),
+        false => Err(Error::invalid(
+            "scale",
+            placement.scale,
+            "a factor that keeps every position finite",
+        )),
         true => Ok(Outcome::Changed(())),
     }
 }
@@ -221,10 +234,12 @@ fn front(mesh: &Mesh, how: &Placement, cameras: &[Camera]) -> Option<f64> {
     if cameras.is_empty() {
         return None;
     }
-    let cameras: Vec<Camera> = cameras.iter().map(|c| placed::to_file(c, how, DVec3::ZERO)).collect();
+    let cameras: Vec<Camera> =
+        cameras.iter().map(|c| placed::to_file(c, how, DVec3::ZERO)).collect();
     let transform = how.transform();
     let corners = |face: usize| mesh.corners(face).map(&transform);
-    let (count, up) = (mesh.face_count(), Vec3::Y);
+    let count = mesh.face_count();
+    let up = Vec3::Y;
     let is_single_sided = |face: usize| mesh.is_single_sided(face);
     let scenery = Scenery {
         corners: &corners,
@@ -247,7 +262,11 @@ mod tests {
 
     fn triangle() -> Mesh {
         Mesh {
-            positions: vec![Vec3::new(1.0, 2.0, 3.0), Vec3::new(4.0, 5.0, 7.0), Vec3::new(-1.0, 0.5, 2.0)],
+            positions: vec![
+                Vec3::new(1.0, 2.0, 3.0),
+                Vec3::new(4.0, 5.0, 7.0),
+                Vec3::new(-1.0, 0.5, 2.0),
+            ],
             colors: Colors::Face(vec![[0.5; 3]]),
             ..Mesh::default()
         }
@@ -272,7 +291,8 @@ mod tests {
             (UpAxis::Z, Vec3::Z),
             (UpAxis::NegZ, -Vec3::Z),
         ] {
-            let placement = Placement { up: up.into(), rotate: 25.0, scale: 2.0, center: [1.0, -2.0, 3.0] };
+            let placement =
+                Placement { up: up.into(), rotate: 25.0, scale: 2.0, center: [1.0, -2.0, 3.0] };
             let origin = placement.to_file(Vec3::new(1.0, -2.0, 3.0));
             let tip = placement.to_file(Vec3::new(1.0, -2.0, 3.0) + axis);
             assert!((tip - origin - 2.0 * Vec3::Y).length() < 1e-6, "{up:?}");
@@ -284,12 +304,17 @@ mod tests {
 
     #[test]
     fn a_second_run_has_nothing_to_do() {
-        let (mut mesh, mut provenance) =
-            (triangle(), Provenance { viewpoint: Some(VIEWPOINT), ..Provenance::default() });
+        let mut mesh = triangle();
+        let mut provenance = Provenance { viewpoint: Some(VIEWPOINT), ..Provenance::default() };
         let run = |mesh: &mut Mesh, provenance: &mut Provenance| {
             let mut details = PlaceDetails::default();
-            let placement =
-                placement(mesh, provenance, Evidence::default(), &PlaceOptions::DEFAULT, &mut details);
+            let placement = placement(
+                mesh,
+                provenance,
+                Evidence::default(),
+                &PlaceOptions::DEFAULT,
+                &mut details,
+            );
             place(mesh, provenance, placement, &mut details).unwrap()
         };
         let first = run(&mut mesh, &mut provenance);
@@ -314,12 +339,16 @@ mod tests {
             let two = Placement { up: second, rotate: -170.0, scale: 3.0, center: [0.0, 7.0, 1.0] };
             let both = one.then(&two);
             for world in [Vec3::new(99.0, 1.0, 2.0), Vec3::new(101.5, -3.0, 4.0)] {
-                let (wants, got) = (two.to_file(one.to_file(world)), both.to_file(world));
+                let wants = two.to_file(one.to_file(world));
+                let got = both.to_file(world);
                 assert!(wants.distance(got) < 1e-4, "{wants} is not {got}");
                 assert!(both.to_world(got).distance(world) < 1e-4);
                 assert!(both.inverse().to_file(got).distance(world) < 1e-4);
             }
-            assert!((one.inverse().then(&both).to_file(Vec3::ONE) - two.to_file(Vec3::ONE)).length() < 1e-4);
+            assert!(
+                (one.inverse().then(&both).to_file(Vec3::ONE) - two.to_file(Vec3::ONE)).length()
+                    < 1e-4
+            );
         }
         let axis = Placement { up: UpAxis::Z.into(), ..Placement::IDENTITY };
         assert_eq!(axis.then(&axis.inverse()), Placement::IDENTITY, "axes stay exact");
@@ -340,11 +369,14 @@ mod tests {
             rotate: 90.0,
             ..PlaceOptions::DEFAULT
         };
-        let (mut details, mut provenance) = (PlaceDetails::default(), Provenance::default());
+        let mut details = PlaceDetails::default();
+        let mut provenance = Provenance::default();
         let how = placement(&mesh, &provenance, Evidence::default(), &options, &mut details);
         place(&mut mesh, &mut provenance, how, &mut details).unwrap();
         assert!(details.ground.is_some_and(|height| (height + 3.0).abs() < 1e-3), "{details:?}");
-        assert!(mesh.positions.iter().all(|p| p.y.abs() < 1e-3 && p.x.abs() < 0.6 && p.z.abs() < 0.6));
+        assert!(
+            mesh.positions.iter().all(|p| p.y.abs() < 1e-3 && p.x.abs() < 0.6 && p.z.abs() < 0.6)
+        );
         // +x of the output, seen from above, came from where -z was before the turn.
         let turned = how.rotation() * DVec3::X;
         assert!((turned - DVec3::NEG_Z).length() < 1e-12, "{turned}");
@@ -359,7 +391,10 @@ mod tests {
         assert_eq!(placement.viewpoint_to_file(&VIEWPOINT).up, [0.0, 1.0, 0.0]);
         let from_above = Viewpoint { eye: (tilted.vector() * 5.0).to_array(), ..VIEWPOINT };
         let placed = placement.viewpoint_to_file(&from_above);
-        assert!(DVec3::from(placed.up).distance(placement.rotation() * DVec3::NEG_Y) < 1e-12, "{placed:?}");
+        assert!(
+            DVec3::from(placed.up).distance(placement.rotation() * DVec3::NEG_Y) < 1e-12,
+            "{placed:?}"
+        );
     }
 }
 
@@ -395,7 +430,8 @@ mod under_tests {
 
     #[test]
     fn the_origin_is_under_a_subject_without_a_floor() {
-        let (mut mesh, mut details) = (crate_without_bottom(), PlaceDetails::default());
+        let mut mesh = crate_without_bottom();
+        let mut details = PlaceDetails::default();
         let options = PlaceOptions {
             up: UpChoice::Given(UpAxis::Y.into()),
             rotate: 90.0,
@@ -403,9 +439,11 @@ mod under_tests {
             ..PlaceOptions::DEFAULT
         };
         let mut provenance = Provenance::default();
-        let how = placement_of(true, &mesh, &provenance, Evidence::default(), &options, &mut details);
+        let how =
+            placement_of(true, &mesh, &provenance, Evidence::default(), &options, &mut details);
         place(&mut mesh, &mut provenance, how, &mut details).unwrap();
-        let bounds = mesh.positions.iter().fold((Vec3::MAX, Vec3::MIN), |(a, b), p| (a.min(*p), b.max(*p)));
+        let bounds =
+            mesh.positions.iter().fold((Vec3::MAX, Vec3::MIN), |(a, b), p| (a.min(*p), b.max(*p)));
         let (low, high) = bounds;
         assert!(low.y <= 0.0 && low.y > -0.15 && high.y > 1.85, "{bounds:?}");
         assert!((low.x + high.x).abs() < 1e-4 && (low.z + high.z).abs() < 1e-4, "{bounds:?}");
@@ -423,8 +461,11 @@ mod under_tests {
             radius: None,
             orbit: None,
         };
-        let photo =
-            photo.camera(UVec2::new(120, 90)).looking(middle + Vec3::new(-3.0, 0.5, 1.0), middle, Vec3::Y);
+        let photo = photo.camera(UVec2::new(120, 90)).looking(
+            middle + Vec3::new(-3.0, 0.5, 1.0),
+            middle,
+            Vec3::Y,
+        );
         let faces = |rotate: f64| {
             let up = UpChoice::Given(UpAxis::Y.into());
             let options = PlaceOptions { up, rotate, ..PlaceOptions::DEFAULT };

@@ -59,7 +59,9 @@ impl PruneOptions {
 trisplat_scene::default!(PruneOptions);
 
 /// Triangles dropped, by cause.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct PruneDetails {
     /// Triangles with a number that is NaN or infinite.
     pub non_finite: u64,
@@ -83,7 +85,11 @@ trisplat_scene::stage!(PruneDetails, "prune");
 /// The rules look at one triangle each; the budget of `max_triangles` applies to their result. So a second run finds nothing to drop.
 ///
 /// Errors: an option out of range; nothing left; a scene that reaches farther than [`REACH`].
-pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut PruneDetails) -> Result<Outcome<()>> {
+pub fn prune(
+    scene: &mut Scene,
+    options: &PruneOptions,
+    details: &mut PruneDetails,
+) -> Result<Outcome<()>> {
     options.validate()?;
     let verdicts = match &*scene {
         Scene::Soup(soup) => classify(soup.len(), |i| soup_face(soup, i), options),
@@ -117,9 +123,12 @@ fn check_scale(verdicts: &[Verdict], far: u64, corners: impl Fn(usize) -> [Vec3;
     if typical < STRAYS * REACH {
         return Ok(());
     }
-    let what = format!("{far} of {} triangles farther than {REACH:e} from the origin", verdicts.len());
+    let what =
+        format!("{far} of {} triangles farther than {REACH:e} from the origin", verdicts.len());
     let exponent = -f64::from(most).log10().ceil() as i32;
-    let wants = format!("coordinates that engines can draw; multiply those of the file by 1e{exponent}, say");
+    let wants = format!(
+        "coordinates that engines can draw; multiply those of the file by 1e{exponent}, say"
+    );
     Err(Error::invalid("the scene", what, wants))
 }
 
@@ -188,8 +197,13 @@ fn mesh_face(mesh: &Mesh, i: usize) -> Face {
 }
 
 /// The verdict on every face. `[N]`
-fn classify(count: usize, face: impl Fn(usize) -> Face + Sync, options: &PruneOptions) -> Vec<Verdict> {
-    let mut verdicts: Vec<Verdict> = parallel::collect(count, GRAIN, |i| classify_alone(&face(i), options));
+fn classify(
+    count: usize,
+    face: impl Fn(usize) -> Face + Sync,
+    options: &PruneOptions,
+) -> Vec<Verdict> {
+    let mut verdicts: Vec<Verdict> =
+        parallel::collect(count, GRAIN, |i| classify_alone(&face(i), options));
     drop_over_budget(&mut verdicts, &face, options);
     verdicts
 }
@@ -228,7 +242,8 @@ fn reach(corners: &[Vec3; 3]) -> f32 {
 #[inline]
 pub(super) fn is_degenerate(corners: &[Vec3; 3]) -> bool {
     let [a, b, c] = *corners;
-    let longest2 = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
+    let longest2 =
+        (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
     // Far from the limit f32 is enough; NaN, overflow and underflow fail this test and are tested again in
     // f64.
     if (b - a).cross(c - a).length_squared() > 1e-6 * longest2 * longest2 {
@@ -241,7 +256,8 @@ pub(super) fn is_degenerate(corners: &[Vec3; 3]) -> bool {
 #[cold]
 fn is_degenerate_f64(corners: &[Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(|v| v.as_dvec3());
-    let longest2 = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
+    let longest2 =
+        (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
     !((b - a).cross(c - a).length_squared() > (FLAT * longest2).powi(2))
 }
 
@@ -252,7 +268,9 @@ fn drop_over_budget(
     options: &PruneOptions,
 ) {
     let Some(budget) = options.max_triangles.and_then(|n| usize::try_from(n).ok()) else { return };
-    let kept = |i: usize| (verdicts[i] == Verdict::Keep).then(|| (contribution(&face(i)) as f32, i as u32));
+    let kept = |i: usize| {
+        (verdicts[i] == Verdict::Keep).then(|| (contribution(&face(i)) as f32, i as u32))
+    };
     let mut contributions: Vec<(f32, u32)> = parallel::filter_map(verdicts.len(), GRAIN, kept);
     if contributions.len() <= budget {
         return;
@@ -272,7 +290,8 @@ fn drop_over_budget(
 fn contribution(face: &Face) -> f64 {
     let [a, b, c] = face.corners.map(|v| v.as_dvec3());
     let sigma = f64::from(face.sigma);
-    0.5 * (b - a).cross(c - a).length() * f64::from(face.opacity) * 2.0 / ((sigma + 1.0) * (sigma + 2.0))
+    0.5 * (b - a).cross(c - a).length() * f64::from(face.opacity) * 2.0
+        / ((sigma + 1.0) * (sigma + 2.0))
 }
 
 /// Names the rule that dropped most and what to do about it.
@@ -282,12 +301,18 @@ fn nothing_left(options: &PruneOptions, counts: &PruneDetails, total: usize) -> 
     }
     let by_cause = to_json(counts);
     let worst = by_cause.iter().max_by_key(|(_, count)| count.as_u64());
-    let (cause, count) =
-        worst.map_or(("non_finite", 0), |(cause, count)| (cause.as_str(), count.as_u64().unwrap_or(0)));
+    let (cause, count) = worst
+        .map_or(("non_finite", 0), |(cause, count)| (cause.as_str(), count.as_u64().unwrap_or(0)));
     let dropped = format!("it drops {count} of {total} triangles and nothing is left");
     match cause {
-        "faint" => Error::invalid("min_opacity", options.min_opacity, format!("a lower value: {dropped}")),
-        "soft" => Error::invalid("max_sigma", options.max_sigma, format!("a higher value, or 0: {dropped}")),
+        "faint" => {
+            Error::invalid("min_opacity", options.min_opacity, format!("a lower value: {dropped}"))
+        }
+        "soft" => Error::invalid(
+            "max_sigma",
+            options.max_sigma,
+            format!("a higher value, or 0: {dropped}"),
+        ),
         cause => {
             let what = format!("{count} of {total} triangles {cause}");
             Error::invalid("the scene", what, "at least one triangle of finite, non-zero size")

@@ -45,12 +45,20 @@ pub(super) struct Recipe<'a> {
 }
 
 impl<'a> Recipe<'a> {
-    pub(super) fn new(options: &'a BakeOptions, report: &'a mut Report, observer: StageObserver<'a>) -> Self {
+    pub(super) fn new(
+        options: &'a BakeOptions,
+        report: &'a mut Report,
+        observer: StageObserver<'a>,
+    ) -> Self {
         Self { options, report, observer }
     }
 
     /// Bakes inputs, merged. `photos` are left in the frame of the scene.
-    pub(super) fn run(mut self, inputs: Vec<ImportedScene>, mut photos: Option<&mut Views>) -> Result<Asset> {
+    pub(super) fn run(
+        mut self,
+        inputs: Vec<ImportedScene>,
+        mut photos: Option<&mut Views>,
+    ) -> Result<Asset> {
         let is_single = inputs.len() == 1;
         let mut loaded = self.merged(inputs, photos.is_some())?;
         let Provenance { generator, trainer, up, .. } = &loaded.provenance;
@@ -118,7 +126,10 @@ impl<'a> Recipe<'a> {
         let from = Provenance { backdrop: count_behind, ..provenance.clone() };
         let evidence = Evidence { cameras: &cameras.of_photos, points: pictures.points() };
         let (asset, frame) = self.package(mesh, from, evidence, seen, None)?;
-        if silent && self.options.place.up == PlaceOptions::DEFAULT.up && cameras.of_photos.is_empty() {
+        if silent
+            && self.options.place.up == PlaceOptions::DEFAULT.up
+            && cameras.of_photos.is_empty()
+        {
             let hint = "the file does not say what is up, taken as −y: `up` y if it lies on its head, z if it lies on its side";
             self.report.warnings.push(hint.to_owned());
         }
@@ -135,8 +146,9 @@ impl<'a> Recipe<'a> {
         let mut asset = Asset { levels, collision, backdrop_apart, ..asset };
         self.put_sky(&mut asset, sky, &frame.placement);
         let options = &self.options.tiles;
-        self.report
-            .stage(self.observer, asset, Asset::counts, |asset, details| tiles(asset, options, details))
+        self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
+            tiles(asset, options, details)
+        })
     }
 
     /// The inputs as one scene.
@@ -170,7 +182,8 @@ impl<'a> Recipe<'a> {
         if soups == 0 || soups == inputs.len() {
             return Ok(inputs);
         }
-        if inputs.iter().any(|loaded| loaded.provenance.placement != inputs[0].provenance.placement) {
+        if inputs.iter().any(|loaded| loaded.provenance.placement != inputs[0].provenance.placement)
+        {
             share_world(&mut inputs);
         }
         let mut options = self.options.clone();
@@ -181,7 +194,10 @@ impl<'a> Recipe<'a> {
         let mut solidified = |mut loaded: ImportedScene| match &mut loaded.scene {
             Scene::Soup(soup) => {
                 soup.truncate_sh(0);
-                Ok(ImportedScene { scene: Scene::Mesh(of_soup.solidify(loaded.scene, 0, &[])?), ..loaded })
+                Ok(ImportedScene {
+                    scene: Scene::Mesh(of_soup.solidify(loaded.scene, 0, &[])?),
+                    ..loaded
+                })
             }
             Scene::Mesh(_) => Ok(loaded),
         };
@@ -189,14 +205,19 @@ impl<'a> Recipe<'a> {
     }
 
     /// On the scene as it was trained and in full, because the borders of its pictures show the background.
-    fn background(&mut self, loaded: ImportedScene, pictures: &Pictures<'_>) -> Result<ImportedScene> {
+    fn background(
+        &mut self,
+        loaded: ImportedScene,
+        pictures: &Pictures<'_>,
+    ) -> Result<ImportedScene> {
         // Hardening looked for it before it trained.
         if self.report.stages.iter().any(|stage| stage.name == BackgroundDetails::STAGE) {
             return Ok(loaded);
         }
-        let (options, photos) = (&self.options.background, pictures.photos.is_some());
-        let draws_none =
-            self.options.teacher.teacher == TeacherWhen::Off && options.background == BackgroundFrom::Auto;
+        let options = &self.options.background;
+        let photos = pictures.photos.is_some();
+        let draws_none = self.options.teacher.teacher == TeacherWhen::Off
+            && options.background == BackgroundFrom::Auto;
         self.report.stage(self.observer, loaded, ImportedScene::counts, |loaded, details| {
             Ok(match draws_none {
                 true => Outcome::Skipped("`teacher` off: no pictures are drawn"),
@@ -209,13 +230,18 @@ impl<'a> Recipe<'a> {
     fn crop(&mut self, loaded: ImportedScene, pictures: &Pictures<'_>) -> Result<ImportedScene> {
         let options = &self.options.crop;
         let of_file = named_cameras(&loaded.provenance);
-        let mut loaded =
-            self.report.stage(self.observer, loaded, ImportedScene::counts, |loaded, details| {
+        let mut loaded = self.report.stage(
+            self.observer,
+            loaded,
+            ImportedScene::counts,
+            |loaded, details| {
                 let stored = if loaded.cameras.is_empty() { &of_file } else { &loaded.cameras };
                 let seen_by = pictures.photos.as_deref().map_or(&stored[..], Views::cameras);
-                let cropped = crop(&mut loaded.scene, seen_by, loaded.provenance.up, options, details);
+                let cropped =
+                    crop(&mut loaded.scene, seen_by, loaded.provenance.up, options, details);
                 cropped.map(|(outcome, _)| outcome)
-            })?;
+            },
+        )?;
         if let Scene::Mesh(Mesh { texture: Some(texture), .. }) = &mut loaded.scene
             && !options.crop.is_empty()
         {
@@ -268,26 +294,43 @@ impl<'a> Recipe<'a> {
         pictures: &Pictures<'_>,
         own: &[Camera],
     ) -> Result<Option<Views>> {
-        let (options, photos) = (self.options, pictures.photos.is_some());
+        let options = self.options;
+        let photos = pictures.photos.is_some();
         let measure = |_: &Option<Views>| loaded.scene.counts();
         let solid = solid_views(&loaded.scene, given.filter(|_| !self.is_cropped()), own)?;
         let behind = self.report.details::<BackgroundDetails>().and_then(|found| found.behind());
-        self.report.stage(self.observer, None, measure, |views, details: &mut TeacherDetails| match solid {
-            Some(solid) => {
-                details.pictures = Some(solid.len() as u64);
-                details.size_px = own.first().map(|camera| camera.size.to_array());
-                *views = Some(solid);
-                Ok(Outcome::Changed(()))
+        self.report.stage(self.observer, None, measure, |views, details: &mut TeacherDetails| {
+            match solid {
+                Some(solid) => {
+                    details.pictures = Some(solid.len() as u64);
+                    details.size_px = own.first().map(|camera| camera.size.to_array());
+                    *views = Some(solid);
+                    Ok(Outcome::Changed(()))
+                }
+                None => teacher(
+                    views,
+                    loaded,
+                    photos,
+                    behind,
+                    &options.teacher,
+                    &options.solid,
+                    details,
+                ),
             }
-            None => teacher(views, loaded, photos, behind, &options.teacher, &options.solid, details),
         })
     }
 
     /// On the scene as it was trained, because all its triangles give better depths than fewer would.
-    fn collision(&mut self, loaded: &ImportedScene, pictures: &Pictures<'_>) -> Result<Option<Mesh>> {
-        let (options, observer) = (&self.options.collision, &mut *self.observer);
+    fn collision(
+        &mut self,
+        loaded: &ImportedScene,
+        pictures: &Pictures<'_>,
+    ) -> Result<Option<Mesh>> {
+        let options = &self.options.collision;
+        let observer = &mut *self.observer;
         let cameras = pictures.of_photos();
-        let measure = |found: &Option<Mesh>| found.as_ref().map_or(loaded.scene.counts(), Mesh::counts);
+        let measure =
+            |found: &Option<Mesh>| found.as_ref().map_or(loaded.scene.counts(), Mesh::counts);
         self.report.long_stage(observer, None, measure, |found, details, progress| {
             collision(found, loaded, cameras, options, details, progress)
         })
@@ -299,7 +342,8 @@ impl<'a> Recipe<'a> {
             return Ok(None);
         }
         let cameras = pictures.of_photos();
-        let measure = |found: &Option<Mesh>| found.as_ref().map_or(loaded.scene.counts(), Mesh::counts);
+        let measure =
+            |found: &Option<Mesh>| found.as_ref().map_or(loaded.scene.counts(), Mesh::counts);
         self.report.long_stage(
             self.observer,
             None,
@@ -325,24 +369,34 @@ impl<'a> Recipe<'a> {
 
         // Early, because every later stage costs per triangle and relies on finite geometry.
         let is_mesh = matches!(scene, Scene::Mesh(_));
-        let scene =
-            self.report.stage(self.observer, scene, Scene::counts, |scene, d| prune(scene, &pruning, d))?;
+        let scene = self
+            .report
+            .stage(self.observer, scene, Scene::counts, |scene, d| prune(scene, &pruning, d))?;
         let details = self.report.details::<PruneDetails>();
         let faint = details.as_ref().map_or(0, |details| details.faint);
         self.report.warnings.extend(details.and_then(|details| details.warning()));
         // A soup sheds its faint triangles as its trainer does.
         if is_mesh && faint > 0 {
-            let (faint, least) = (counted(faint, "triangle"), pruning.min_opacity);
-            self.report
-                .warnings
-                .push(format!("removed {faint} whose alpha is below {least}; `min_opacity` 0 keeps them"));
+            let faint = counted(faint, "triangle");
+            let least = pruning.min_opacity;
+            self.report.warnings.push(format!(
+                "removed {faint} whose alpha is below {least}; `min_opacity` 0 keeps them"
+            ));
         }
 
         // On the soup, because it needs opacity and σ, which `color` drops.
-        let scene = self.report.stage(self.observer, scene, Scene::counts, |scene, details| match scene {
-            Scene::Soup(soup) => solid(soup, &options.solid, details),
-            Scene::Mesh(_) => Ok(Outcome::Skipped("the input is a mesh: its triangles are solid")),
-        })?;
+        let scene =
+            self.report.stage(
+                self.observer,
+                scene,
+                Scene::counts,
+                |scene, details| match scene {
+                    Scene::Soup(soup) => solid(soup, &options.solid, details),
+                    Scene::Mesh(_) => {
+                        Ok(Outcome::Skipped("the input is a mesh: its triangles are solid"))
+                    }
+                },
+            )?;
 
         // From here on an ordinary mesh in linear light.
         let scene = self.report.stage(self.observer, scene, Scene::counts, |scene, details| {
@@ -367,15 +421,19 @@ impl<'a> Recipe<'a> {
         cameras: &Cameras,
         is_soft: bool,
     ) -> Result<Mesh> {
-        let (options, apart) = (self.options, self.counted(given));
+        let options = self.options;
+        let apart = self.counted(given);
         // Chosen cameras have not seen everything: they rank triangles, but drop none as unseen.
         let chosen = cameras.of_photos.is_empty();
-        let mut left = options.prune.max_triangles.map(|most| most.saturating_sub(apart as u64).max(1));
+        let mut left =
+            options.prune.max_triangles.map(|most| most.saturating_sub(apart as u64).max(1));
         // Gaps show what is behind them.
         let is_limited = apart > 0 && left.is_some_and(|left| left < mesh.face_count() as u64);
-        let is_plain =
-            |mesh: &Mesh| mesh.indices.is_empty() && mesh.texture.is_none() && mesh.shell.is_empty();
-        let behind = given.filter(|given| is_limited && is_plain(given) && is_plain(&mesh)).cloned();
+        let is_plain = |mesh: &Mesh| {
+            mesh.indices.is_empty() && mesh.texture.is_none() && mesh.shell.is_empty()
+        };
+        let behind =
+            given.filter(|given| is_limited && is_plain(given) && is_plain(&mesh)).cloned();
         let is_behind = behind.is_some();
         if let Some(behind) = behind {
             mesh.append(Mesh { shell: vec![true; apart], ..behind })?;
@@ -385,8 +443,10 @@ impl<'a> Recipe<'a> {
             Some(_) if apart == 0 => options.backdrop.scene_budget(left),
             _ => left,
         };
-        let unseen_options =
-            UnseenOptions { keep_unseen: options.unseen.keep_unseen || chosen, ..options.unseen.clone() };
+        let unseen_options = UnseenOptions {
+            keep_unseen: options.unseen.keep_unseen || chosen,
+            ..options.unseen.clone()
+        };
         let cameras = if chosen && budget.is_none() { &[] } else { &cameras.watching[..] };
         let mut kept = self.report.long_stage(
             self.observer,
@@ -402,7 +462,8 @@ impl<'a> Recipe<'a> {
                 // A scene that keeps its shell gets no sphere, so its budget leaves no room for one.
                 let most = if spared.is_empty() { budget } else { left };
                 let limit = FaceLimit { most, spared };
-                let outcome = unseen(mesh, cameras, views, &unseen_options, &limit, details, progress)?;
+                let outcome =
+                    unseen(mesh, cameras, views, &unseen_options, &limit, details, progress)?;
                 Ok(if details.masked.is_some_and(|dropped| dropped > 0) {
                     Outcome::Changed(())
                 } else {
@@ -459,7 +520,12 @@ impl<'a> Recipe<'a> {
 
     /// On the remaining triangles, by the cameras' pictures: before the backdrop, and before colours are
     /// fitted exactly.
-    fn reshape(&mut self, mesh: Mesh, views: Option<&mut Views>, traits: SceneTraits) -> Result<Mesh> {
+    fn reshape(
+        &mut self,
+        mesh: Mesh,
+        views: Option<&mut Views>,
+        traits: SceneTraits,
+    ) -> Result<Mesh> {
         let options = &self.options.reshape;
         self.report.long_stage(self.observer, mesh, Mesh::counts, |mesh, details, progress| {
             reshape(mesh, views, traits, options, details, progress)
@@ -484,11 +550,16 @@ impl<'a> Recipe<'a> {
     ) -> Result<(Mesh, Option<UnseenColors>)> {
         let options = &self.options.refit;
         let mut unseen = None;
-        let mesh = self.report.long_stage(self.observer, mesh, Mesh::counts, |mesh, details, progress| {
-            let found = refit(mesh, behind, views, options, details, progress)?;
-            unseen = found.unseen;
-            Ok(found.outcome)
-        })?;
+        let mesh = self.report.long_stage(
+            self.observer,
+            mesh,
+            Mesh::counts,
+            |mesh, details, progress| {
+                let found = refit(mesh, behind, views, options, details, progress)?;
+                unseen = found.unseen;
+                Ok(found.outcome)
+            },
+        )?;
         Ok((mesh, unseen))
     }
 

@@ -51,7 +51,9 @@ const OUTLIER: f32 = 0.02;
 const OUTLIER_SPREADS: f32 = 6.0;
 
 /// The result of fitting. Without held-out photos, or when `refit` names the colours, there is no PSNR.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct RefitDetails {
     /// PSNR of the colours the scene came with on held-out photos, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -157,7 +159,8 @@ pub fn refit(
     let mut accumulator = Accumulator::new(mesh, views, options.refit_flatness as f32);
     let end_of_pass = |pass: u32| f64::from(pass) / f64::from(options.refit_passes);
     let mut first = progress.part(0.0, end_of_pass(1));
-    let (which, unseen) = first_pass(mesh, views, options.refit, &mut accumulator, details, &mut first)?;
+    let (which, unseen) =
+        first_pass(mesh, views, options.refit, &mut accumulator, details, &mut first)?;
     let Some(which) = which else {
         // The note is about the scene's own colours, which were trained.
         let revived = accumulator.fit.revive(mesh, behind);
@@ -167,7 +170,10 @@ pub fn refit(
             true => Outcome::Changed(()),
             false => Outcome::Skipped("held-out photos match the present colours better"),
         };
-        return Ok(Refitted { outcome, unseen: unseen.map(|unseen| unseen.with_backdrop(mesh, behind)) });
+        return Ok(Refitted {
+            outcome,
+            unseen: unseen.map(|unseen| unseen.with_backdrop(mesh, behind)),
+        });
     };
     let outliers = outliers(&accumulator.errors);
     if !outliers.is_empty() {
@@ -234,8 +240,9 @@ fn outliers(means: &[[f32; 3]]) -> Vec<usize> {
         let spread = median(means.iter().map(|mean| (mean[channel] - middle).abs()).collect());
         (middle, OUTLIER.max(OUTLIER_SPREADS * spread))
     });
-    let is_far =
-        |v: &usize| means[*v].iter().zip(limits).any(|(e, (middle, most))| (e - middle).abs() > most);
+    let is_far = |v: &usize| {
+        means[*v].iter().zip(limits).any(|(e, (middle, most))| (e - middle).abs() > most)
+    };
     let far: Vec<usize> = (0..means.len()).filter(is_far).collect();
     if 2 * far.len() < means.len() { far } else { Vec::new() }
 }
@@ -279,7 +286,12 @@ impl Evaluation {
 }
 
 /// PSNR of `colors` on the photos `held_out`, dB.
-pub(super) fn psnr_of(mesh: &mut Mesh, views: &mut Views, held_out: &[usize], colors: Colors) -> Result<f64> {
+pub(super) fn psnr_of(
+    mesh: &mut Mesh,
+    views: &mut Views,
+    held_out: &[usize],
+    colors: Colors,
+) -> Result<f64> {
     let kept = std::mem::replace(&mut mesh.colors, colors);
     let psnr = views.mean_psnr(mesh, held_out);
     mesh.colors = kept;

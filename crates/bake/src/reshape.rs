@@ -34,7 +34,9 @@ const EVALUATION_VIEWS: usize = 12;
 const MOST_CUT: f64 = 0.2;
 
 /// When triangles are fitted to pictures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum ReshapeWhen {
     /// When the scene is soft
@@ -73,7 +75,9 @@ impl ReshapeOptions {
 trisplat_scene::default!(ReshapeOptions);
 
 /// The result of fitting; empty when nothing was fitted.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct ReshapeDetails {
     /// Rounds made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -137,7 +141,11 @@ pub fn reshape(
 }
 
 /// Why there is nothing to do, if this is known without pictures.
-fn nothing_to_do(mesh: &Mesh, traits: SceneTraits, options: &ReshapeOptions) -> Option<&'static str> {
+fn nothing_to_do(
+    mesh: &Mesh,
+    traits: SceneTraits,
+    options: &ReshapeOptions,
+) -> Option<&'static str> {
     match options.reshape {
         ReshapeWhen::Off => Some("`reshape` off"),
         ReshapeWhen::Auto if !traits.is_soft => Some("the scene is solid already"),
@@ -161,16 +169,20 @@ fn fit(
     // Colours first, because changes are judged with them.
     let found = rounds.draw(0, effort, &faces, &[])?;
     faces.recolor(&found);
-    (details.psnr_first, details.psnr_last) = (found.psnr(), found.psnr());
+    details.psnr_first = found.psnr();
+    details.psnr_last = found.psnr();
     let recolored = faces.to_mesh();
     let mut changes = Changes::default();
     for round in 1..effort.rounds {
         progress.set(round as usize, effort.rounds as usize);
-        details.psnr_last = changes.round(round, effort, mesh.face_count(), &mut faces, &mut rounds)?;
+        details.psnr_last =
+            changes.round(round, effort, mesh.face_count(), &mut faces, &mut rounds)?;
     }
     let Changes { dropped, moved, cut } = changes;
     details.rounds = Some(effort.rounds);
-    (details.dropped, details.corners_moved, details.cut) = (Some(dropped), Some(moved), Some(cut));
+    details.dropped = Some(dropped);
+    details.corners_moved = Some(moved);
+    details.cut = Some(cut);
     Ok([recolored, faces.to_mesh()])
 }
 

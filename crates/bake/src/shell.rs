@@ -48,8 +48,9 @@ pub(super) fn take_shell(mesh: &mut Mesh, cameras: &[Camera]) -> Mesh {
 /// Whether a `shell` that is cut has room beside the `scene_faces` of the scene, in a `budget` too.
 pub(super) fn is_cut(shell: &Mesh, scene_faces: usize, budget: Option<u64>) -> bool {
     let count = 4 * shell.face_count();
-    let fits =
-        budget.is_none_or(|most| (scene_faces + count) as u64 <= most && count as u64 <= share_behind(most));
+    let fits = budget.is_none_or(|most| {
+        (scene_faces + count) as u64 <= most && count as u64 <= share_behind(most)
+    });
     count <= MOST_CUT && count * SCENE_PER_CUT <= scene_faces && fits
 }
 
@@ -59,13 +60,15 @@ pub(super) fn cut(shell: &Mesh) -> Mesh {
     let mut sums: HashMap<[u32; 3], (Vec3, f32)> = HashMap::new();
     let mut positions = Vec::with_capacity(12 * shell.face_count());
     for face in 0..shell.face_count() {
-        let ([a, b, c], colors) = (shell.corners(face), shell.corner_colors(face).map(Vec3::from));
+        let [a, b, c] = shell.corners(face);
+        let colors = shell.corner_colors(face).map(Vec3::from);
         // Neighbours compute the same middle of their edge, bit for bit.
         let [ab, bc, ca] = [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0];
         positions.extend([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca]);
         for place in [a, b, c, ab, bc, ca] {
             let (sum, count) = sums.entry(place_bits(place)).or_default();
-            (*sum, *count) = (*sum + (colors[0] + colors[1] + colors[2]) / 3.0, *count + 1.0);
+            *sum = *sum + (colors[0] + colors[1] + colors[2]) / 3.0;
+            *count = *count + 1.0;
         }
     }
     let color = |place: &Vec3| {
@@ -99,7 +102,12 @@ pub(super) fn joined(given: Option<Mesh>, shell: Mesh) -> Result<Option<Mesh>> {
 
 /// Surroundings of at most `most` triangles around a scene with these corners: a closed surface of fewer, larger ones. Empty where `most` closes
 /// nothing.
-pub(super) fn few(shell: &Mesh, corners: impl Iterator<Item = Vec3>, cameras: &[Camera], most: u64) -> Mesh {
+pub(super) fn few(
+    shell: &Mesh,
+    corners: impl Iterator<Item = Vec3>,
+    cameras: &[Camera],
+    most: u64,
+) -> Mesh {
     let center = middle(shell, cameras);
     let reach = corners.map(|corner| corner.distance(center)).fold(0.0, f32::max);
     closed(shell, center, FARTHER * reach, most).unwrap_or_default()
@@ -128,8 +136,8 @@ mod tests {
             let [x, y, z] = [Vec3::X * sign(0), Vec3::Y * sign(1), Vec3::Z * sign(2)];
             if (y - x).cross(z - x).dot(x) > 0.0 { [x, y, z] } else { [x, z, y] }
         });
-        let inner =
-            (0..within).map(|i| [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p + Vec3::X * (i as f32 / 100.0)));
+        let inner = (0..within)
+            .map(|i| [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p + Vec3::X * (i as f32 / 100.0)));
         let triangles: Vec<[Vec3; 3]> = faces.chain(inner).collect();
         Mesh {
             colors: Colors::Face(vec![[0.5; 3]; triangles.len()]),
@@ -148,7 +156,10 @@ mod tests {
         let shell = take_shell(&mut mesh, &[]);
         assert_eq!((shell.face_count(), mesh.face_count()), (8, 2));
         assert_eq!(mesh.corners(1), leaning.corners(0));
-        assert!((0..8).all(|f| shell.flat_normal(f).dot(shell.centroid(f)) < 0.0), "fronts are inside");
+        assert!(
+            (0..8).all(|f| shell.flat_normal(f).dot(shell.centroid(f)) < 0.0),
+            "fronts are inside"
+        );
         assert!(mesh.shell.is_empty() && shell.shell.is_empty());
         assert_eq!(take_shell(&mut mesh, &[]).face_count(), 0);
     }
@@ -160,7 +171,8 @@ mod tests {
         assert_eq!(quarters.face_count(), 4 * shell.face_count());
         let mut edges = HashMap::new();
         for face in 0..quarters.face_count() {
-            let (part, whole) = (quarters.area(face), shell.area(face / 4));
+            let part = quarters.area(face);
+            let whole = shell.area(face / 4);
             assert!((4.0 * part - whole).abs() < 1e-4 * whole, "{part} of {whole}");
             assert!(quarters.flat_normal(face).dot(shell.flat_normal(face / 4)) > 0.999);
             let corners = quarters.corners(face).map(place_bits);
@@ -169,7 +181,9 @@ mod tests {
             }
         }
         // Every edge has a neighbour on its other side.
-        assert!(edges.iter().all(|((a, b), count)| *count == 1 && edges.get(&(*b, *a)) == Some(&1)));
+        assert!(
+            edges.iter().all(|((a, b), count)| *count == 1 && edges.get(&(*b, *a)) == Some(&1))
+        );
     }
 
     #[test]
@@ -179,7 +193,9 @@ mod tests {
         let quarters = cut(&shell);
         let mut at = HashMap::new();
         for face in 0..quarters.face_count() {
-            for (place, color) in quarters.corners(face).into_iter().zip(quarters.corner_colors(face)) {
+            for (place, color) in
+                quarters.corners(face).into_iter().zip(quarters.corner_colors(face))
+            {
                 let known = *at.entry(place_bits(place)).or_insert(color);
                 assert_eq!(known, color, "{place}");
             }
@@ -206,7 +222,9 @@ mod tests {
     #[test]
     fn a_shell_is_kept_whole_unless_it_is_a_large_part_of_a_budget() {
         let mut whole = scene(100);
-        for (budget, count) in [(None, 8), (Some(108), 8), (Some(107), 8), (Some(64), 8), (Some(63), 0)] {
+        for (budget, count) in
+            [(None, 8), (Some(108), 8), (Some(107), 8), (Some(64), 8), (Some(63), 0)]
+        {
             let faces = spared(&whole, budget);
             assert_eq!(faces.iter().filter(|face| **face).count(), count, "{budget:?}");
             assert!(faces.iter().skip(8).all(|face| !face), "{budget:?}");

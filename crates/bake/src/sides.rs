@@ -11,7 +11,9 @@ use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Outcome, StageProgress};
 
 /// From which sides triangles are drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Sides {
     /// From the side that nearly all pixels of photos show, where one is; else from both
@@ -38,7 +40,9 @@ impl SidesOptions {
 trisplat_scene::default!(SidesOptions);
 
 /// What cameras saw of sides.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct SidesDetails {
     /// Triangles that are drawn from one side from now on.
     pub single_sided: u64,
@@ -97,14 +101,20 @@ pub fn sides(
 }
 
 /// The pixels of all cameras together that show the front and the back of each face. `[F]`
-fn visible_sides(mesh: &Mesh, cameras: &[Camera], progress: &mut StageProgress<'_>) -> Vec<[u64; 2]> {
+fn visible_sides(
+    mesh: &Mesh,
+    cameras: &[Camera],
+    progress: &mut StageProgress<'_>,
+) -> Vec<[u64; 2]> {
     let options = views::drawing(cameras, mesh, 1);
     let mut solid = SolidRasterizer::new();
     let mut pixels = vec![[0; 2]; mesh.face_count()];
     let mut of_camera = vec![0u32; mesh.face_count()];
     for (done, camera) in cameras.iter().enumerate() {
         progress.set(done, cameras.len());
-        for face in solid.visibility(mesh, camera, &options).face.iter().filter(|face| **face != NO_FACE) {
+        for face in
+            solid.visibility(mesh, camera, &options).face.iter().filter(|face| **face != NO_FACE)
+        {
             of_camera[*face as usize] += 1;
         }
         let eye = camera.position();

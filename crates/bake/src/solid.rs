@@ -14,7 +14,9 @@ use trisplat_scene::{Error, Result, Soup, parallel, rgb_from_sh0};
 pub const SOLID_SIGMA: f32 = 1e-4;
 
 /// How a soft triangle becomes solid.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Solidify {
     /// The larger of `contour` and `area`: hard triangles keep their outline, faint ones their share
@@ -46,7 +48,9 @@ impl SolidOptions {
 trisplat_scene::default!(SolidOptions);
 
 /// What shrinking did.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct SolidDetails {
     /// Triangles dropped because opacity times window nowhere reaches `contour`.
     pub no_contour: u64,
@@ -62,11 +66,16 @@ trisplat_scene::stage!(SolidDetails, "solid");
 /// f32 are dropped; with `contour`, so are triangles without one.
 ///
 /// Errors: `contour` outside (0, 1); nothing left.
-pub fn solid(soup: &mut Soup, options: &SolidOptions, details: &mut SolidDetails) -> Result<Outcome<()>> {
+pub fn solid(
+    soup: &mut Soup,
+    options: &SolidOptions,
+    details: &mut SolidDetails,
+) -> Result<Outcome<()>> {
     if !(options.contour > 0.0 && options.contour < 1.0) {
         return Err(Error::invalid("contour", options.contour, "a number above 0 and below 1"));
     }
-    let is_soft = |i: usize| (!(soup.opacity[i] >= 1.0 && soup.sigma[i] <= SOLID_SIGMA)).then_some(());
+    let is_soft =
+        |i: usize| (!(soup.opacity[i] >= 1.0 && soup.sigma[i] <= SOLID_SIGMA)).then_some(());
     if parallel::find_first(soup.len(), 1 << 14, is_soft).is_none() {
         return Ok(Outcome::Skipped("every triangle is solid already"));
     }
@@ -74,7 +83,8 @@ pub fn solid(soup: &mut Soup, options: &SolidOptions, details: &mut SolidDetails
     soup.opacity.fill(1.0);
     soup.sigma.fill(SOLID_SIGMA);
     let lost = |result| results.iter().filter(|&&r| r == result).count();
-    let (no_contour, collapsed) = (lost(Shrunk::NoContour), lost(Shrunk::Collapsed));
+    let no_contour = lost(Shrunk::NoContour);
+    let collapsed = lost(Shrunk::Collapsed);
     if no_contour + collapsed == results.len() {
         return Err(nothing_left(options, no_contour, results.len()));
     }
@@ -110,7 +120,9 @@ fn solidify_all(soup: &mut Soup, options: &SolidOptions) -> (Vec<Shrunk>, Areas)
         .zip(results.chunks_mut(PART));
     let parts: Vec<Areas> = parallel::map(rows, |_, (((vertices, opacity), sigma), results)| {
         let mut sum = Areas::default();
-        for (((corners, &o), &s), result) in vertices.iter_mut().zip(opacity).zip(sigma).zip(results) {
+        for (((corners, &o), &s), result) in
+            vertices.iter_mut().zip(opacity).zip(sigma).zip(results)
+        {
             let factor = factor(o.into(), s.into(), options);
             let area = area(corners);
             *result = solidify(corners, factor);
@@ -127,12 +139,17 @@ fn solidify_all(soup: &mut Soup, options: &SolidOptions) -> (Vec<Shrunk>, Areas)
 
 fn nothing_left(options: &SolidOptions, no_contour: usize, total: usize) -> Error {
     if no_contour > 0 {
-        let wants =
-            format!("a lower value, or `solid` auto: {no_contour} of {total} triangles never reach it");
+        let wants = format!(
+            "a lower value, or `solid` auto: {no_contour} of {total} triangles never reach it"
+        );
         return Error::invalid("contour", options.contour, wants);
     }
     let what = format!("{total} triangles that shrink to nothing");
-    Error::invalid("the scene", what, "triangles of some size (the prune stage drops lines and points)")
+    Error::invalid(
+        "the scene",
+        what,
+        "triangles of some size (the prune stage drops lines and points)",
+    )
 }
 
 /// The result of shrinking a triangle.
@@ -200,7 +217,9 @@ pub fn area_factor(opacity: f64, sigma: f64) -> f64 {
 /// ```
 pub fn shrink(corners: &[Vec3; 3], factor: f64) -> [Vec3; 3] {
     let [a, b, c] = corners.map(|v| v.as_dvec3());
-    let (bc, ca, ab) = (b.distance(c), c.distance(a), a.distance(b));
+    let bc = b.distance(c);
+    let ca = c.distance(a);
+    let ab = a.distance(b);
     let perimeter = bc + ca + ab;
     if !(perimeter > 0.0) {
         return *corners;
@@ -217,7 +236,9 @@ fn area(v: &[Vec3; 3]) -> f64 {
 // ---- Spherical harmonics of degree 0 become linear face colours -----------------------------------
 
 /// What the conversion clamped.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct ColorDetails {
     /// Colour channels, three per triangle, that were clamped to [0, 1].
     pub clamped_channels: u64,
@@ -234,7 +255,12 @@ pub fn color(mut soup: Soup, details: &mut ColorDetails) -> Result<Mesh> {
     let parts = sh.chunks_mut(1 << 14);
     let clamped = parallel::map(parts, |_, part| part.iter_mut().map(linearise).sum::<u64>());
     details.clamped_channels = clamped.into_iter().sum();
-    Ok(Mesh { positions: vertices.into_flattened(), colors: Colors::Face(sh), shell, ..Mesh::default() })
+    Ok(Mesh {
+        positions: vertices.into_flattened(),
+        colors: Colors::Face(sh),
+        shell,
+        ..Mesh::default()
+    })
 }
 
 /// Turns SH degree 0 coefficients into linear channels; returns how many had to be clamped.

@@ -37,7 +37,9 @@ const LEAST_COVERED: f64 = 0.001;
 const SOLID_COVER: f64 = 0.95;
 
 /// Whether pictures of the soft scene are drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum TeacherWhen {
@@ -75,7 +77,9 @@ impl TeacherOptions {
 trisplat_scene::default!(TeacherOptions);
 
 /// The drawn pictures, and the softness of the scene; empty when it is solid.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct TeacherDetails {
     /// How well the scene matches its soft pictures when each triangle is just made solid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -119,7 +123,8 @@ pub fn teacher(
     };
     if photos {
         let stored = (!scene.cameras.is_empty()).then(|| viewpoints(scene)).flatten();
-        details.softness = softness_from(soup, &stored.map_or(Vec::new(), |all| all.cameras), solidly)?;
+        details.softness =
+            softness_from(soup, &stored.map_or(Vec::new(), |all| all.cameras), solidly)?;
         return Ok(Outcome::Skipped(HAS_PHOTOS));
     }
     let Some(viewpoints) = viewpoints(scene) else {
@@ -174,14 +179,19 @@ pub(super) fn own_cameras(scene: &ImportedScene) -> Vec<Camera> {
 /// a mesh whose triangles are connected or textured, which keeps its colours.
 ///
 /// Errors: more vertices than 32 bits count.
-pub(super) fn solid_views(scene: &Scene, behind: Option<&Mesh>, cameras: &[Camera]) -> Result<Option<Views>> {
+pub(super) fn solid_views(
+    scene: &Scene,
+    behind: Option<&Mesh>,
+    cameras: &[Camera],
+) -> Result<Option<Views>> {
     let Scene::Mesh(mesh) = scene else { return Ok(None) };
     if cameras.is_empty() || !mesh.indices.is_empty() || mesh.texture.is_some() {
         return Ok(None);
     }
     let mut whole = mesh.clone();
     behind.map_or(Ok(()), |behind| whole.append(behind.clone()))?;
-    let (drawing, mut solid) = (drawing(cameras, &whole, SAMPLES), SolidRasterizer::new());
+    let drawing = drawing(cameras, &whole, SAMPLES);
+    let mut solid = SolidRasterizer::new();
     let picture = |camera: &Camera| {
         let [black, white] = [0.0, 1.0].map(|grey| {
             solid.render(&whole, camera, &SolidRasterOptions { background: [grey; 3], ..drawing })
@@ -255,7 +265,8 @@ fn no_larger(camera: &Camera) -> Camera {
 
 /// True when making the triangles of `soup` solid loses nothing: nearly all of their area is opaque.
 pub fn is_solid(soup: &Soup) -> bool {
-    let (mut all, mut covered) = (0.0, 0.0);
+    let mut all = 0.0;
+    let mut covered = 0.0;
     for (i, [a, b, c]) in soup.vertices.iter().enumerate() {
         let area = f64::from((*b - *a).cross(*c - *a).length());
         if area.is_finite() {
@@ -281,17 +292,23 @@ pub fn softness(scene: &ImportedScene, solidly: &SolidOptions) -> Result<Option<
     }
 }
 
-fn softness_from(soup: &Soup, cameras: &[Camera], solidly: &SolidOptions) -> Result<Option<Softness>> {
+fn softness_from(
+    soup: &Soup,
+    cameras: &[Camera],
+    solidly: &SolidOptions,
+) -> Result<Option<Softness>> {
     if cameras.is_empty() {
         return Ok(None);
     }
     let Some(mesh) = solid_mesh(soup, solidly)? else { return Ok(None) };
     let mut teacher = Teacher::new(soup.clone(), cameras, &SoftOptions::default());
-    let (drawing, mut solid) = (drawing(cameras, &mesh, SAMPLES), SolidRasterizer::new());
+    let drawing = drawing(cameras, &mesh, SAMPLES);
+    let mut solid = SolidRasterizer::new();
     let count = SOFTNESS_VIEWS.min(cameras.len());
     let psnr = |i: usize| {
         let camera = small(&cameras[i]);
-        let (soft, solid) = (teacher.picture(&camera), solid.render(&mesh, &camera, &drawing));
+        let soft = teacher.picture(&camera);
+        let solid = solid.render(&mesh, &camera, &drawing);
         metric::psnr(&soft.rgb, &solid.rgb, None)
     };
     let psnr = evenly_spaced(cameras.len(), count).map(psnr).sum::<f64>() / count as f64;

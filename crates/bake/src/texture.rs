@@ -34,7 +34,9 @@ const USUAL_PHOTOS: f32 = 40.0;
 const SHARP_FLATNESS: f32 = 0.2;
 
 /// What the texture is; empty when there is none.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct TextureDetails {
     /// Width and height, texels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -68,7 +70,8 @@ pub struct TextureDetails {
 impl TextureDetails {
     /// What held-out photos say of colours and texels; `None` when none were held out.
     pub fn comparison(&self) -> Option<String> {
-        let (before, after) = (self.psnr_before?, self.psnr_after?);
+        let before = self.psnr_before?;
+        let after = self.psnr_after?;
         let ssim = match (self.ssim_before, self.ssim_after) {
             (Some(before), Some(after)) => format!(", SSIM {before:.3} → {after:.3}"),
             _ => String::new(),
@@ -78,7 +81,8 @@ impl TextureDetails {
 
     /// Whether held-out photos match the colours better by every measure.
     fn colors_are_better(&self) -> bool {
-        let fell = |before: Option<f64>, after: Option<f64>| before.zip(after).is_some_and(|(b, a)| a < b);
+        let fell =
+            |before: Option<f64>, after: Option<f64>| before.zip(after).is_some_and(|(b, a)| a < b);
         fell(self.psnr_before, self.psnr_after) && fell(self.ssim_before, self.ssim_after)
     }
 
@@ -128,7 +132,8 @@ pub fn texture(
     }
     let mut charted = mesh.clone();
     let charts = Charts::new(&mut charted, &footprints(mesh, views), options)?;
-    (details.texels_per_pixel, details.charts) = (Some(charts.texels_per_pixel), Some(charts.count));
+    details.texels_per_pixel = Some(charts.texels_per_pixel);
+    details.charts = Some(charts.count);
     let outcome = paint(&mut charted, views, &charts, None, options, details, progress)?;
     if charted.texture.is_some() {
         *mesh = charted;
@@ -151,22 +156,39 @@ fn paint(
     details.texels = Some(texels.shown());
     let (held_out, others) = views.held_out();
     // λ for this number of photos.
-    let flatness = |photos: usize| options.texture_flatness as f32 * USUAL_PHOTOS / photos.max(1) as f32;
+    let flatness =
+        |photos: usize| options.texture_flatness as f32 * USUAL_PHOTOS / photos.max(1) as f32;
     let painted = |texels: &Texels, flatness: f32| Some(textured(layout, texels.picture(flatness)));
     let mut candidates = Candidates::new(mesh.face_count());
-    texels.add(mesh, views, layout, &others, Adding::All(&mut candidates), progress.part(0.1, 0.5))?;
+    texels.add(
+        mesh,
+        views,
+        layout,
+        &others,
+        Adding::All(&mut candidates),
+        progress.part(0.1, 0.5),
+    )?;
     if !held_out.is_empty() {
         let colors = before.map_or_else(|| views.mean_scores(mesh, &held_out), Ok)?;
         mesh.texture = painted(&texels, flatness(others.len()));
         let shown = views.mean_scores(mesh, &held_out)?;
         mesh.texture = None;
-        (details.psnr_before, details.psnr_after) = (Some(colors.psnr), Some(shown.psnr));
-        (details.ssim_before, details.ssim_after) = (Some(colors.ssim), Some(shown.ssim));
+        details.psnr_before = Some(colors.psnr);
+        details.psnr_after = Some(shown.psnr);
+        details.ssim_before = Some(colors.ssim);
+        details.ssim_after = Some(shown.ssim);
         if options.texture == TextureWhen::Auto && details.colors_are_better() {
             return Ok(Outcome::Skipped("held-out photos match the colours better than texels"));
         }
     }
-    texels.add(mesh, views, layout, &held_out, Adding::All(&mut candidates), progress.part(0.6, 0.7))?;
+    texels.add(
+        mesh,
+        views,
+        layout,
+        &held_out,
+        Adding::All(&mut candidates),
+        progress.part(0.6, 0.7),
+    )?;
     let connected = !mesh.indices.is_empty();
     if options.texture_detail == TextureDetail::Mean
         || options.texture_detail == TextureDetail::Auto && !connected
@@ -177,7 +199,14 @@ fn paint(
     texels.settle(flatness(views.len()));
     let best = candidates.best(mesh);
     details.best_photos = Some(best.views().len() as u64);
-    texels.add(mesh, views, layout, &best.views(), Adding::Best(&best), progress.part(0.7, 0.95))?;
+    texels.add(
+        mesh,
+        views,
+        layout,
+        &best.views(),
+        Adding::Best(&best),
+        progress.part(0.7, 0.95),
+    )?;
     texels.sharpen(layout, &best, SHARP_FLATNESS);
     mesh.texture = painted(&texels, 0.0);
     Ok(Outcome::Changed(()))
@@ -197,8 +226,7 @@ const ALIKE: f32 = 2.0 / 255.0;
 ///
 /// Errors: more triangles than the largest texture has texels.
 pub(crate) fn texture_all(inputs: &mut [ImportedScene]) -> Result<()> {
-    let is_textured =
-        |loaded: &ImportedScene| matches!(&loaded.scene, Scene::Mesh(mesh) if mesh.texture.is_some());
+    let is_textured = |loaded: &ImportedScene| matches!(&loaded.scene, Scene::Mesh(mesh) if mesh.texture.is_some());
     if !inputs.iter().any(is_textured) {
         return Ok(());
     }
@@ -208,7 +236,8 @@ pub(crate) fn texture_all(inputs: &mut [ImportedScene]) -> Result<()> {
         {
             *mesh = with_texture(std::mem::take(mesh))?;
             let name = loaded.provenance.source.as_deref().unwrap_or("an input");
-            let warning = format!("the colours of {name} became a texture, because another input has one");
+            let warning =
+                format!("the colours of {name} became a texture, because another input has one");
             loaded.warnings.push(warning);
         }
     }

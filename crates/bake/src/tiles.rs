@@ -55,7 +55,9 @@ impl TilesOptions {
 trisplat_scene::default!(TilesOptions);
 
 /// The tree of tiles.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct TilesDetails {
     /// Tiles that hold triangles.
     pub tiles: u64,
@@ -68,7 +70,11 @@ pub struct TilesDetails {
 trisplat_scene::stage!(TilesDetails, "tiles");
 
 /// Cuts the scene and its levels into `asset.tiles`, and takes the levels out. A backdrop is a tile of its own.
-pub fn tiles(asset: &mut Asset, options: &TilesOptions, details: &mut TilesDetails) -> Result<Outcome<()>> {
+pub fn tiles(
+    asset: &mut Asset,
+    options: &TilesOptions,
+    details: &mut TilesDetails,
+) -> Result<Outcome<()>> {
     if !options.tiles {
         return Ok(Outcome::Skipped("`tiles` was not asked for"));
     }
@@ -80,7 +86,8 @@ pub fn tiles(asset: &mut Asset, options: &TilesOptions, details: &mut TilesDetai
     finest.split_off(asset.scene_faces());
     let cells = Cells::new(&centroids(&finest), 2 * levels.len() as u32);
     let meshes = std::iter::once(finest).chain(levels.into_iter().map(|level| level.mesh));
-    let levels: Vec<Level> = meshes.enumerate().map(|(i, mesh)| Level::new(mesh, &cells, i as u32)).collect();
+    let levels: Vec<Level> =
+        meshes.enumerate().map(|(i, mesh)| Level::new(mesh, &cells, i as u32)).collect();
     let root = tile(&levels, levels.len() - 1, 0);
     details.levels = levels.len() as u64;
     root.visit(&mut |tile| {
@@ -102,7 +109,8 @@ impl Level {
     fn new(mesh: Mesh, cells: &Cells, level: u32) -> Self {
         let cell = |(face, centroid)| (cells.of(centroid) >> (2 * level), face);
         let mut faces: Vec<(u64, u32)> = (0..).zip(centroids(&mesh)).map(cell).collect();
-        faces.par_sort_unstable_by_key(|(cell, face)| (*cell, mesh.material(*face as usize), *face));
+        faces
+            .par_sort_unstable_by_key(|(cell, face)| (*cell, mesh.material(*face as usize), *face));
         Self { mesh, faces }
     }
 
@@ -119,11 +127,15 @@ impl Level {
 fn tile(levels: &[Level], level: usize, cell: u64) -> Tile {
     let children: Vec<Tile> = match level {
         0 => Vec::new(),
-        _ => (0..4).map(|i| tile(levels, level - 1, 4 * cell + i)).filter(|tile| !tile.is_empty()).collect(),
+        _ => (0..4)
+            .map(|i| tile(levels, level - 1, 4 * cell + i))
+            .filter(|tile| !tile.is_empty())
+            .collect(),
     };
     // An enlarged triangle may have its centroid where the scene itself has none: no finer tile would replace
     // it.
-    let mesh = if level > 0 && children.is_empty() { Mesh::default() } else { levels[level].part(cell) };
+    let mesh =
+        if level > 0 && children.is_empty() { Mesh::default() } else { levels[level].part(cell) };
     // A coarser tile leaves out at least as much as the finer tiles that it replaces.
     let below = children.iter().map(|tile| tile.error).fold(0.0, f64::max);
     let error = if level == 0 { 0.0 } else { Tile::error_of(mesh.detail()).max(below) };
@@ -158,7 +170,8 @@ impl Cells {
 
     /// The cell of a point.
     pub(super) fn of(&self, point: [f32; 3]) -> u64 {
-        let (mut at, mut cell) = (0, 0);
+        let mut at = 0;
+        let mut cell = 0;
         for _ in 0..self.depth {
             let (axis, place) = self.cuts[at];
             let upper = u64::from(point[usize::from(axis)] >= place);

@@ -55,13 +55,16 @@ pub struct UnseenOptions {
 
 impl UnseenOptions {
     /// Half a pixel in all photos together cannot be distinguished from noise.
-    pub const DEFAULT: Self = Self { keep_unseen: false, min_seen_px: 0.5, max_error: None, enlarge: true };
+    pub const DEFAULT: Self =
+        Self { keep_unseen: false, min_seen_px: 0.5, max_error: None, enlarge: true };
 }
 
 trisplat_scene::default!(UnseenOptions);
 
 /// Measurements of visibility; empty without cameras.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct UnseenDetails {
     /// Triangles that no camera sees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -118,18 +121,21 @@ pub fn unseen(
     if let (None, Some(db)) = (&views, options.max_error) {
         return Err(Error::invalid("max_error", db, "`dataset`: error is measured on photos"));
     }
-    let most = limit.most.map_or(usize::MAX, |most| usize::try_from(most).unwrap_or(usize::MAX).max(1));
+    let most =
+        limit.most.map_or(usize::MAX, |most| usize::try_from(most).unwrap_or(usize::MAX).max(1));
     if let Some(why) = nothing_to_do(mesh, cameras, options, most) {
         return Ok(Outcome::Skipped(why));
     }
     let chooses = views.is_some() || mesh.face_count() > most;
     let samples = if chooses { SAMPLES } else { SAMPLES_AT_LEAST };
-    let decides_at = if mesh.face_count() > most || options.max_error.is_some() { DRAWING_PART } else { 1.0 };
+    let decides_at =
+        if mesh.face_count() > most || options.max_error.is_some() { DRAWING_PART } else { 1.0 };
     let visible_area = visible_px(mesh, cameras, samples, progress.part(0.0, decides_at));
     let mut ranked = rank_by_visibility(mesh, &visible_area);
     let visible = ranked.partition_point(|&f| visible_area[f as usize] > 0.0);
     if visible == 0 && views.as_ref().is_some_and(|views| !views.is_drawn()) {
-        let wants = "photos of this scene: none of its triangles is in any view; was it moved or scaled?";
+        let wants =
+            "photos of this scene: none of its triangles is in any view; was it moved or scaled?";
         return Err(Error::invalid("dataset", "its cameras", wants));
     }
     details.seen_by_none = Some((ranked.len() - visible) as u64);
@@ -145,7 +151,8 @@ pub fn unseen(
             .partition_point(|&f| f64::from(visible_area[f as usize]) >= options.min_seen_px)
             .max(1),
     };
-    let needed = if options.keep_unseen || visible == 0 { ranked.len() } else { seen + kept_unseen };
+    let needed =
+        if options.keep_unseen || visible == 0 { ranked.len() } else { seen + kept_unseen };
     if needed < ranked.len() {
         // Kept ones come before hardly seen ones.
         ranked[seen..visible + kept_unseen].rotate_left(visible - seen);
@@ -168,7 +175,8 @@ pub fn unseen(
         return Ok(Outcome::Skipped("hardly any triangle is hidden from every camera"));
     }
     let enlarging = decimation.filter(|_| options.enlarge);
-    let moved = enlarging.map(|mut d| d.move_corners(&ranked[..keep], progress.part(MOVING_PART, 1.0)));
+    let moved =
+        enlarging.map(|mut d| d.move_corners(&ranked[..keep], progress.part(MOVING_PART, 1.0)));
     if let Some(moved) = moved {
         moved.apply(mesh);
         details.corners_moved = Some(moved.moves);
@@ -193,7 +201,8 @@ pub fn masked(
     let shares = counted_share(mesh, views, progress)?;
     let least = if views.are_cut() { LEAST_COUNTED_CUT } else { LEAST_COUNTED };
     let stays = |share: &Option<f32>| share.is_none_or(|share| share >= least);
-    let kept: Vec<u32> = (0..).zip(&shares).filter(|(_, share)| stays(share)).map(|(face, _)| face).collect();
+    let kept: Vec<u32> =
+        (0..).zip(&shares).filter(|(_, share)| stays(share)).map(|(face, _)| face).collect();
     // Masks that would remove everything are not masks of this scene.
     if kept.is_empty() {
         return Ok(Some(0));
@@ -204,7 +213,11 @@ pub fn masked(
 }
 
 /// Puts the faces that are `spared` first, the order unchanged otherwise; returns how many faces then precede each of `ends`, all spared ones among them.
-fn spared_first<const N: usize>(ranked: &mut [u32], spared: &[bool], ends: [usize; N]) -> [usize; N] {
+fn spared_first<const N: usize>(
+    ranked: &mut [u32],
+    spared: &[bool],
+    ends: [usize; N],
+) -> [usize; N] {
     if spared.is_empty() {
         return ends;
     }
@@ -251,7 +264,10 @@ fn rank_by_visibility(mesh: &Mesh, visible_area: &[f32]) -> Vec<u32> {
     let mut ranked: Vec<u32> = (0..visible_area.len() as u32).collect();
     ranked.par_sort_unstable_by(|&a, &b| {
         let by_area = || area(b).total_cmp(&area(a));
-        visible_area[b as usize].total_cmp(&visible_area[a as usize]).then_with(by_area).then(a.cmp(&b))
+        visible_area[b as usize]
+            .total_cmp(&visible_area[a as usize])
+            .then_with(by_area)
+            .then(a.cmp(&b))
     });
     ranked
 }
@@ -274,7 +290,8 @@ fn fewest_within(
         Ok(psnr)
     };
     let best = psnr(ranked.len())?;
-    let (mut too_few, mut enough) = (0, ranked.len());
+    let mut too_few = 0;
+    let mut enough = ranked.len();
     for _ in 0..CURVE_STEPS {
         let middle = (too_few + enough) / 2;
         if middle == too_few || middle == 0 {
@@ -330,7 +347,8 @@ fn counted_share(
         let photo = views.photo(view)?;
         let seen = solid.visibility(mesh, views.camera(view), &options);
         for (sample, &face) in (0u32..).zip(&seen.face).filter(|(_, face)| **face != NO_FACE) {
-            let (x, y) = (sample % seen.size.x / SAMPLES, sample / seen.size.x / SAMPLES);
+            let x = sample % seen.size.x / SAMPLES;
+            let y = sample / seen.size.x / SAMPLES;
             let pixel = (y * photo.size.x + x) as usize;
             let (samples, weights) = &mut seen_of[face as usize];
             *samples += 1;

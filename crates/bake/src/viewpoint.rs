@@ -10,7 +10,9 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::report::Outcome;
 
 /// What was chosen.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct ViewpointDetails {
     /// Number of the photo taken there, counted from 0; absent for other viewpoints.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -34,7 +36,8 @@ pub(crate) fn viewpoint(
             "the input says where to look from, and no camera is known that could do better",
         );
     }
-    let (mesh, faces) = (&asset.mesh, asset.scene_faces());
+    let mesh = &asset.mesh;
+    let faces = asset.scene_faces();
     let room = |from: Vec3| asset.room(from);
     let corners = |face: usize| mesh.corners(face);
     let is_single_sided = |face: usize| asset.mesh.is_single_sided(face);
@@ -78,11 +81,15 @@ mod tests {
 
     #[test]
     fn it_is_inside_the_backdrop_and_found_once() {
-        let (mut asset, mut details) = (spheres(), ViewpointDetails::default());
+        let mut asset = spheres();
+        let mut details = ViewpointDetails::default();
         assert_eq!(viewpoint(&mut asset, &[], &mut details), Outcome::Changed(()));
         let chosen = asset.provenance.viewpoint.expect("it was chosen");
         assert!(Vec3::from(chosen.eye.map(|x| x as f32)).length() < 3.0, "{chosen:?}");
-        assert!(details.photo.is_none() && details.filled.is_some_and(|share| share > 0.1), "{details:?}");
+        assert!(
+            details.photo.is_none() && details.filled.is_some_and(|share| share > 0.1),
+            "{details:?}"
+        );
         let again = viewpoint(&mut asset, &[], &mut ViewpointDetails::default());
         assert!(matches!(again, Outcome::Skipped(_)));
         assert_eq!(asset.provenance.viewpoint, Some(chosen));

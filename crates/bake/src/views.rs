@@ -67,7 +67,10 @@ impl Views {
             cameras,
             points,
             origin: dataset.origin,
-            photos: Photos::new(dataset.train().map(|v| v.photo.clone()).collect(), options.photo_bytes()),
+            photos: Photos::new(
+                dataset.train().map(|v| v.photo.clone()).collect(),
+                options.photo_bytes(),
+            ),
             background: options.background.to_f32(),
             drawn: None,
             masked: dataset.train().any(|v| v.photo.mask.is_some() || v.photo.is_cut()),
@@ -91,7 +94,8 @@ impl Views {
     /// Pictures drawn for `cameras` in the frame of the scene, over black; their alpha is the covered share
     /// of each pixel.
     pub fn drawn(cameras: Vec<Camera>, pictures: Vec<RgbImage>) -> Self {
-        let (mut covered, mut all) = (0, 0);
+        let mut covered = 0;
+        let mut all = 0;
         for picture in &pictures {
             all += 255 * picture.rgb.len() as u64;
             covered += match &picture.alpha {
@@ -197,8 +201,10 @@ impl Views {
             return;
         }
         let (cameras, points) = &self.read;
-        self.cameras = cameras.iter().map(|camera| placed::to_file(camera, placement, self.origin)).collect();
-        let (transform, origin) = (placement.transform(), self.origin);
+        self.cameras =
+            cameras.iter().map(|camera| placed::to_file(camera, placement, self.origin)).collect();
+        let transform = placement.transform();
+        let origin = self.origin;
         self.points = points.iter().map(|p| transform((p.as_dvec3() + origin).as_vec3())).collect();
     }
 
@@ -279,7 +285,9 @@ impl Views {
             let mut photo = self.taken(view)?;
             if self.part && !self.is_cut(view) {
                 let one = SolidRasterOptions { samples: 1, ..options };
-                let Some(covered) = covered(&photo, solid.visibility(mesh, self.camera(view), &one)) else {
+                let Some(covered) =
+                    covered(&photo, solid.visibility(mesh, self.camera(view), &one))
+                else {
                     continue;
                 };
                 photo = Arc::new(covered);
@@ -294,8 +302,9 @@ impl Views {
                 false => scores(&photo, options.background),
                 // Over black and over white, so that neither colour passes for background.
                 true => {
-                    let of =
-                        |code: u8| (photo.over_instead_of_black([code; 3]), [f32::from(code) / 255.0; 3]);
+                    let of = |code: u8| {
+                        (photo.over_instead_of_black([code; 3]), [f32::from(code) / 255.0; 3])
+                    };
                     let [black, white] = [of(0), of(255)];
                     let [black, white] = [scores(&black.0, black.1), scores(&white.0, white.1)];
                     std::array::from_fn(|i| (black[i] + white[i]) / 2.0)

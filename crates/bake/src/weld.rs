@@ -8,7 +8,9 @@ use trisplat_scene::{Result, parallel};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// When corners are shared.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum WeldWhen {
     /// When the file gets smaller
@@ -37,7 +39,9 @@ impl WeldOptions {
 trisplat_scene::default!(WeldOptions);
 
 /// Measurements of corners.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct WeldDetails {
     /// Share of distinct corners, in a sample when there are many; only when `weld` is auto.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -48,7 +52,11 @@ trisplat_scene::stage!(WeldDetails, "weld");
 
 /// Welds `mesh`. With any options, an engine can draw the result: it has no indices, or indices with colours
 /// per vertex. A mesh whose faces share vertices already keeps its indices.
-pub fn weld(mesh: &mut Mesh, options: &WeldOptions, details: &mut WeldDetails) -> Result<Outcome<()>> {
+pub fn weld(
+    mesh: &mut Mesh,
+    options: &WeldOptions,
+    details: &mut WeldDetails,
+) -> Result<Outcome<()>> {
     if mesh.positions.is_empty() {
         return Ok(Outcome::Skipped("there are no corners"));
     }
@@ -108,7 +116,8 @@ fn pays(mesh: &Mesh, options: &WeldOptions, details: &mut WeldDetails) -> bool {
 fn unweld(mesh: &mut Mesh) {
     let indices = std::mem::take(&mut mesh.indices);
     let positions = &mesh.positions;
-    mesh.positions = parallel::collect(indices.len(), 1 << 13, |at| positions[indices[at] as usize]);
+    mesh.positions =
+        parallel::collect(indices.len(), 1 << 13, |at| positions[indices[at] as usize]);
 }
 
 /// Makes equal corners of a mesh without indices one vertex; vertices come in the order of first use.
@@ -143,7 +152,8 @@ pub(crate) fn place_bits(place: Vec3) -> [u32; 3] {
 
 /// The bits of a corner's position and colour.
 fn key(mesh: &Mesh, corner: usize) -> [u32; 6] {
-    let ([x, y, z], [r, g, b]) = (mesh.positions[corner].to_array(), corner_color(mesh, corner));
+    let [x, y, z] = mesh.positions[corner].to_array();
+    let [r, g, b] = corner_color(mesh, corner);
     [x, y, z, r, g, b].map(f32::to_bits)
 }
 

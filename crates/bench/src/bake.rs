@@ -105,7 +105,8 @@ fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<Ba
     write_input(&folder.join("soup.ply"), triangles)?;
     let mut cases = Vec::new();
     let mut case = |name, program: &Path, input: &str, output: &str, words: &[&str]| {
-        let (input, output) = (folder.join(input), folder.join(output));
+        let input = folder.join(input);
+        let output = folder.join(output);
         let mut command = vec![program.as_os_str().to_owned()];
         command.extend(words.iter().map(|word| match *word {
             "IN" => input.clone().into_os_string(),
@@ -127,7 +128,8 @@ fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<Ba
     }
     case("floor", &this, "soup.ply", "floor.bin", &["floor", "IN", "LIKE", "OUT"]);
     if let Some(python) = &args.python {
-        let script = "import sys,trimesh; trimesh.load(sys.argv[1],process=False).export(sys.argv[2])";
+        let script =
+            "import sys,trimesh; trimesh.load(sys.argv[1],process=False).export(sys.argv[2])";
         case("trimesh", python, "mesh.ply", "trimesh.glb", &["-c", script, "IN", "OUT"]);
     }
     if let Some(bin) = &args.node_bin {
@@ -142,7 +144,8 @@ fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<Ba
 /// Writes the sample scene.
 fn write_input(path: &Path, triangles: usize) -> Result<()> {
     let mut bytes = Vec::new();
-    let written = ply::write_soup(&mut bytes, &scenes::studio(triangles, 1), &Provenance::default(), &[]);
+    let written =
+        ply::write_soup(&mut bytes, &scenes::studio(triangles, 1), &Provenance::default(), &[]);
     written.and_then(|()| std::fs::write(path, bytes)).map_err(|e| Error::io(path, e))
 }
 

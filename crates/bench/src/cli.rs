@@ -127,14 +127,19 @@ fn make(sample: &Sample) -> Result<()> {
             write_soup(to, &scenes::degenerate(), &scenes::provenance(scenes::DEGENERATE_RECIPE))
         }
         Sample::Dataset { to, options } => {
-            let holds = std::fs::read_dir(&to.output).is_ok_and(|mut entries| entries.next().is_some());
+            let holds =
+                std::fs::read_dir(&to.output).is_ok_and(|mut entries| entries.next().is_some());
             check_new(to, holds)?;
             trisplat_synthetic::write(&to.output, options)
         }
     }
 }
 
-fn write_soup(to: &To, soup: &trisplat_scene::Soup, provenance: &trisplat_scene::Provenance) -> Result<()> {
+fn write_soup(
+    to: &To,
+    soup: &trisplat_scene::Soup,
+    provenance: &trisplat_scene::Provenance,
+) -> Result<()> {
     check_new(to, to.output.exists())?;
     let mut bytes = Vec::new();
     let written = ply::write_soup(&mut bytes, soup, provenance, &[]);

@@ -32,7 +32,11 @@ const LEAST_PSNR: f64 = 30.0;
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct FpsArgs {
     /// Scene to draw: .glb .gltf .obj .off .ply .pt; a soup is baked in memory.
-    #[arg(value_name = "FILE", required_unless_present = "triangles", conflicts_with = "triangles")]
+    #[arg(
+        value_name = "FILE",
+        required_unless_present = "triangles",
+        conflicts_with = "triangles"
+    )]
     file: Option<PathBuf>,
     /// Draw the sample scene with these numbers of triangles instead of a file.
     #[arg(long, value_delimiter = ',', value_name = "N,N,…", value_parser = trisplat_scene::ranges::count)]
@@ -113,7 +117,8 @@ pub(crate) fn run(args: &FpsArgs) -> Result<()> {
         "scene                 triangles        size      FPS   median ms   p99 ms    cpu ms      drawn  B/tri  dB"
     );
     let counts = args.triangles.iter().copied().map(Some);
-    let counts: Vec<Option<usize>> = if args.file.is_some() { vec![None] } else { counts.collect() };
+    let counts: Vec<Option<usize>> =
+        if args.file.is_some() { vec![None] } else { counts.collect() };
     for triangles in counts {
         let flythrough = flythrough(args, triangles)?;
         let model = card.upload(&flythrough.asset)?;
@@ -190,8 +195,11 @@ fn measure(
 /// Draws along a path of cameras and times it.
 fn time(args: &FpsArgs, card: &mut Headless, model: &Model, path: &[Camera]) -> Result<FrameCost> {
     let canvas = Canvas::new(&card.gpu, path[0].size, if args.msaa == "4" { 4 } else { 1 })?;
-    let (mut frame_ms, mut drawn) = (Vec::new(), 0);
-    let (mut last, mut mark, mut cpu) = (None, Instant::now(), process::cpu_secs());
+    let mut frame_ms = Vec::new();
+    let mut drawn = 0;
+    let mut last = None;
+    let mut mark = Instant::now();
+    let mut cpu = process::cpu_secs();
     let warmup = args.warmup as usize;
     for i in 0..warmup + args.frames as usize + 1 {
         let params = params(&path[i % path.len()]);
@@ -253,7 +261,8 @@ fn quantile(values: &mut [f64], share: f64) -> f64 {
 
 /// The camera for a picture of another size: the same vertical field of view, wider or narrower.
 fn fitted(camera: &Camera, size: UVec2) -> Camera {
-    let (old, new) = (camera.size.as_vec2(), size.as_vec2());
+    let old = camera.size.as_vec2();
+    let new = size.as_vec2();
     let scale = new.y / old.y;
     let center = new / 2.0 + (camera.center - old / 2.0) * scale;
     Camera { focal: camera.focal * scale, center, size, ..*camera }

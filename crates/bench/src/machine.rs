@@ -26,7 +26,8 @@ impl Machine {
     /// This one.
     pub(crate) fn here() -> Self {
         let cpu = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-        let model = cpu.lines().find_map(|l| l.strip_prefix("model name")).unwrap_or(": unknown processor");
+        let model =
+            cpu.lines().find_map(|l| l.strip_prefix("model name")).unwrap_or(": unknown processor");
         let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
         Self {
             date: first_line(&["date", "-u", "+%Y-%m-%d"]),
@@ -91,7 +92,8 @@ pub(crate) fn measure(command: &[OsString]) -> Result<Usage> {
         let said = String::from_utf8_lossy(&done.stderr).trim().to_owned();
         return Err(Error::unsupported(&this, said));
     }
-    serde_json::from_slice(&done.stdout).map_err(|e| Error::malformed(&this, "measure", e.to_string()))
+    serde_json::from_slice(&done.stdout)
+        .map_err(|e| Error::malformed(&this, "measure", e.to_string()))
 }
 
 /// Prints `value` to standard output.

@@ -60,16 +60,19 @@ pub fn studio(n: usize, seed: u64) -> Soup {
         sh_degree: 0,
         ..Soup::default()
     };
-    let slots = soup.vertices.iter_mut().zip(&mut soup.opacity).zip(&mut soup.sigma).zip(&mut soup.sh);
+    let slots =
+        soup.vertices.iter_mut().zip(&mut soup.opacity).zip(&mut soup.sigma).zip(&mut soup.sh);
     let mut slots: Vec<_> = slots.collect();
     parallel::for_each_mut(&mut slots, GRAIN, |slot, (((vertices, opacity), sigma), sh)| {
         let i = shuffled(slot, n);
-        let random = TriangleRng { rng: Rng::new(seed, "sample", 0), first: i as u64 * RANDOM_NUMBERS };
+        let random =
+            TriangleRng { rng: Rng::new(seed, "sample", 0), first: i as u64 * RANDOM_NUMBERS };
         let owner = shares.partition_point(|&end| end <= i);
         let first = if owner == 0 { 0 } else { shares[owner - 1] };
         let made = match studio.surfaces.get(owner) {
             Some(on) => {
-                let (i, count) = (i - first, shares[owner] - first);
+                let i = i - first;
+                let count = shares[owner] - first;
                 let grid = CoreGrid::new(on, count, Rng::new(seed, "sample grid", owner as u64));
                 if i < grid.len() {
                     grid.triangle(studio, on, i, &random)
@@ -125,7 +128,8 @@ impl TriangleRng {
     fn unit_triangle(&self, which: u64) -> [DVec2; 3] {
         let rotation = self.uniform(which);
         let corner = |k: u64| {
-            let angle = TAU * (rotation + (k as f64 + 0.5 * (self.uniform(which + 1 + k) - 0.5)) / 3.0);
+            let angle =
+                TAU * (rotation + (k as f64 + 0.5 * (self.uniform(which + 1 + k) - 0.5)) / 3.0);
             DVec2::from_angle(angle) * 0.877_382_675 // circumradius of the unit-area equilateral triangle
         };
         [corner(0), corner(1), corner(2)]
@@ -156,7 +160,8 @@ impl CoreGrid {
     }
 
     fn len(&self) -> usize {
-        (2 * u64::from(self.patches.x * self.cells.x) * u64::from(self.patches.y * self.cells.y)) as usize
+        (2 * u64::from(self.patches.x * self.cells.x) * u64::from(self.patches.y * self.cells.y))
+            as usize
     }
 
     /// Corner (x, y) of the grid in the unit square; those on the border of a patch stay on it.
@@ -167,26 +172,37 @@ impl CoreGrid {
             if on_border { 0.0 } else { 0.6 * (self.rng.uniform_f64(entry) - 0.5) }
         };
         let border = at % self.cells;
-        (at.as_dvec2() + DVec2::new(jitter(0, border.x == 0), jitter(1, border.y == 0))) / size.as_dvec2()
+        (at.as_dvec2() + DVec2::new(jitter(0, border.x == 0), jitter(1, border.y == 0)))
+            / size.as_dvec2()
     }
 
     /// Triangle `i`: a little larger than its half cell, so that it still closes the surface when its soft
     /// rim is cut away, but hardly across the border of its patch.
-    fn triangle(&self, studio: &Studio, on: &Surface, i: usize, random: &TriangleRng) -> SoupTriangle {
-        let (cell, width) = (i as u32 / 2, self.patches.x * self.cells.x);
+    fn triangle(
+        &self,
+        studio: &Studio,
+        on: &Surface,
+        i: usize,
+        random: &TriangleRng,
+    ) -> SoupTriangle {
+        let cell = i as u32 / 2;
+        let width = self.patches.x * self.cells.x;
         let cell = UVec2::new(cell % width, cell / width);
-        let ring = [UVec2::ZERO, UVec2::X, UVec2::ONE, UVec2::Y].map(|step| self.corner(cell + step));
+        let ring =
+            [UVec2::ZERO, UVec2::X, UVec2::ONE, UVec2::Y].map(|step| self.corner(cell + step));
         let diagonal = (cell.x + cell.y) as usize % 2;
         let half = [0, 1, 2].map(|k| ring[(diagonal + 2 * (i % 2) + k) % 4]);
         let middle = (half[0] + half[1] + half[2]) / 3.0;
-        let (patch, slack) = ((cell / self.cells).as_dvec2(), SLACK / self.cells.as_dvec2());
+        let patch = (cell / self.cells).as_dvec2();
+        let slack = SLACK / self.cells.as_dvec2();
         let low = (patch - slack) / self.patches.as_dvec2();
         let high = (patch + 1.0 + slack) / self.patches.as_dvec2();
         let corners = half.map(|corner| (middle + (corner - middle) * GROWN).clamp(low, high));
         let lift = on.shape.normal(middle) * (0.001 * random.normal(0));
         SoupTriangle {
             corners: corners.map(|corner| on.shape.point(corner) + lift),
-            rgb: studio.color(on, middle) + 0.012 * DVec3::from([1, 2, 3].map(|k| random.normal(k))),
+            rgb: studio.color(on, middle)
+                + 0.012 * DVec3::from([1, 2, 3].map(|k| random.normal(k))),
             opacity: 1.02 - 0.3 * random.uniform(4).powi(2),
             sigma: 0.15 * (0.45 * random.normal(5)).exp(),
         }
@@ -195,7 +211,13 @@ impl CoreGrid {
 
 /// Triangle `i` of `count` scattered on a surface, soft and of any size. Centres follow the R2 sequence (Roberts
 /// 2018), which covers evenly at any count.
-fn scattered(studio: &Studio, on: &Surface, i: usize, count: usize, random: &TriangleRng) -> SoupTriangle {
+fn scattered(
+    studio: &Studio,
+    on: &Surface,
+    i: usize,
+    count: usize,
+    random: &TriangleRng,
+) -> SoupTriangle {
     let at = DVec2::new(
         (0.5 + i as f64 * 0.754_877_666_246_692_7).fract(),
         (0.5 + i as f64 * 0.569_840_290_998_053_2).fract(),
@@ -221,12 +243,14 @@ fn scattered_corners(on: &Surface, at: DVec2, area: f64, random: &TriangleRng) -
         u if u < 0.8 => 0.25 * TAU + 0.1 * random.normal(4),
         _ => TAU * random.uniform(5),
     };
-    let (stretch, reach) = (on.shape.stretch(at), on.shape.reach());
+    let stretch = on.shape.stretch(at);
+    let reach = on.shape.reach();
     let patches = on.texture.patches().as_dvec2();
     let low = ((at * patches).floor() - 0.05) / patches;
     let high = ((at * patches).floor() + 1.05) / patches;
     random.unit_triangle(6).map(|corner| {
-        let shaped = DVec2::from_angle(along).rotate(corner * DVec2::new(long, 1.0 / long)) * area.sqrt();
+        let shaped =
+            DVec2::from_angle(along).rotate(corner * DVec2::new(long, 1.0 / long)) * area.sqrt();
         let offset = shaped.clamp(-reach, reach) / stretch;
         (at + offset).clamp(low, high).clamp(DVec2::ZERO, DVec2::ONE)
     })
@@ -267,7 +291,12 @@ pub fn degenerate() -> Soup {
     let tiny = f32::MIN_POSITIVE;
     for opacity in [0.0, -0.0, tiny, 1e-3, 0.5, 1.0 - f32::EPSILON, 1.0] {
         for sigma in [tiny, 1e-30, 1e-3, 0.5, 1.0, 1e3, 1e30, f32::MAX] {
-            push(one.map(|p| p + vec3(2.0, opacity, sigma.log2() * 0.01)), opacity, sigma, [0.2, 0.6, 0.3]);
+            push(
+                one.map(|p| p + vec3(2.0, opacity, sigma.log2() * 0.01)),
+                opacity,
+                sigma,
+                [0.2, 0.6, 0.3],
+            );
         }
     }
     let channels = [-1e30, -1.0, -0.0, 0.0, tiny, 1.0, 2.0, 1e30];
@@ -349,7 +378,8 @@ mod tests {
         };
         close(quantiles(&made.sigma), [0.18, 0.31, 0.52]);
         close(quantiles(&made.opacity), [0.17, 0.45, 0.88]);
-        let longest = |t: &[Vec3; 3]| (0..3).map(|k| t[k].distance(t[(k + 1) % 3])).fold(0.0, f32::max);
+        let longest =
+            |t: &[Vec3; 3]| (0..3).map(|k| t[k].distance(t[(k + 1) % 3])).fold(0.0, f32::max);
         let edges: Vec<f32> = made.vertices.iter().map(longest).collect();
         let spread = quantile(edges.clone(), 0.99) / quantile(edges, 0.01);
         assert!(spread > 50.0, "edges spread over {spread}");

@@ -83,7 +83,8 @@ impl SurfaceShape {
     /// World lengths of one step along u and along v at (u, v).
     pub(super) fn stretch(&self, at: DVec2) -> DVec2 {
         let half = 1.0 / 1024.0;
-        let step = |axis: DVec2| (self.point(at + axis * half) - self.point(at - axis * half)).length();
+        let step =
+            |axis: DVec2| (self.point(at + axis * half) - self.point(at - axis * half)).length();
         DVec2::new(step(DVec2::X), step(DVec2::Y)) / (2.0 * half)
     }
 
@@ -137,7 +138,8 @@ impl Texture {
             Texture::Sky => {
                 let haze = (1.0 - 2.5 * normal.y.abs()).max(0.0);
                 let high = 0.5 - 0.5 * normal.y;
-                dvec3(0.16, 0.20, 0.27).lerp(dvec3(0.30, 0.45, 0.68), high) + haze * dvec3(0.34, 0.27, 0.18)
+                dvec3(0.16, 0.20, 0.27).lerp(dvec3(0.30, 0.45, 0.68), high)
+                    + haze * dvec3(0.34, 0.27, 0.18)
             }
         }
     }
@@ -148,7 +150,8 @@ const CHART: UVec2 = UVec2::new(8, 6);
 
 /// Linear colour of one patch of the chart: three rows of the colour circle, one of greys.
 fn chart(patch: DVec2) -> DVec3 {
-    let (column, row) = (patch.x - 1.0, patch.y - 1.0);
+    let column = patch.x - 1.0;
+    let row = patch.y - 1.0;
     if !(0.0..6.0).contains(&column) || !(0.0..4.0).contains(&row) {
         return DVec3::splat(0.012);
     }
@@ -174,8 +177,12 @@ impl Body {
         match *self {
             Body::Ball { center, radius } => caps(center, radius),
             Body::Block { center, half } => faces(center, half),
-            Body::Ring { center, major, minor } => vec![SurfaceShape::Ring { center, major, minor }],
-            Body::Pole { foot, radius, height } => vec![SurfaceShape::Pole { foot, radius, height }],
+            Body::Ring { center, major, minor } => {
+                vec![SurfaceShape::Ring { center, major, minor }]
+            }
+            Body::Pole { foot, radius, height } => {
+                vec![SurfaceShape::Pole { foot, radius, height }]
+            }
         }
     }
 
@@ -210,8 +217,11 @@ fn caps(center: DVec3, radius: f64) -> Vec<SurfaceShape> {
 
 /// The faces of a box but its underside, normals outward: -z (the front), top, +z, -x, +x.
 fn faces(center: DVec3, half: DVec3) -> Vec<SurfaceShape> {
-    let (x, y, z) = (DVec3::X * 2.0 * half.x, DVec3::Y * 2.0 * half.y, DVec3::Z * 2.0 * half.z);
-    let (low, high) = (center - half, center + half);
+    let x = DVec3::X * 2.0 * half.x;
+    let y = DVec3::Y * 2.0 * half.y;
+    let z = DVec3::Z * 2.0 * half.z;
+    let low = center - half;
+    let high = center + half;
     let face = |origin, u, v| SurfaceShape::Parallelogram { origin, u, v };
     vec![
         face(low + x, -x, y),
@@ -231,16 +241,26 @@ pub(super) struct Studio {
 impl Studio {
     /// Builds the scene.
     pub(super) fn new() -> Self {
-        let (ivory, ink, blue) = (dvec3(0.78, 0.74, 0.66), dvec3(0.05, 0.07, 0.10), dvec3(0.03, 0.14, 0.50));
-        let (red, gold, teal) = (dvec3(0.62, 0.04, 0.03), dvec3(0.80, 0.46, 0.06), dvec3(0.02, 0.34, 0.36));
+        let ivory = dvec3(0.78, 0.74, 0.66);
+        let ink = dvec3(0.05, 0.07, 0.10);
+        let blue = dvec3(0.03, 0.14, 0.50);
+        let red = dvec3(0.62, 0.04, 0.03);
+        let gold = dvec3(0.80, 0.46, 0.06);
+        let teal = dvec3(0.02, 0.34, 0.36);
         let wood = dvec3(0.36, 0.17, 0.07);
         let mut studio = Self { surfaces: Vec::new(), bodies: Vec::new() };
         for shape in caps(DVec3::ZERO, 14.0) {
-            studio.surfaces.push(Surface { shape, texture: Texture::Sky, density: 0.0, gloss: 0.0 });
+            studio.surfaces.push(Surface {
+                shape,
+                texture: Texture::Sky,
+                density: 0.0,
+                gloss: 0.0,
+            });
         }
         let stage = Body::Block { center: dvec3(0.0, 0.1, 0.0), half: dvec3(2.5, 0.1, 2.5) };
         for (i, shape) in stage.shapes().into_iter().enumerate() {
-            let texture = if i == 1 { Texture::Check(10, ivory, ink) } else { Texture::Planks(1, wood) };
+            let texture =
+                if i == 1 { Texture::Check(10, ivory, ink) } else { Texture::Planks(1, wood) };
             studio.surfaces.push(Surface { shape, texture, density: 1.0, gloss: 0.0 });
         }
 
@@ -268,13 +288,19 @@ impl Studio {
     /// Adds a body whose face `i` has the texture `texture(i)`.
     fn place(&mut self, body: Body, density: f64, gloss: f64, texture: impl Fn(usize) -> Texture) {
         let shapes = body.shapes().into_iter().enumerate();
-        self.surfaces.extend(shapes.map(|(i, shape)| Surface { shape, texture: texture(i), density, gloss }));
+        self.surfaces.extend(shapes.map(|(i, shape)| Surface {
+            shape,
+            texture: texture(i),
+            density,
+            gloss,
+        }));
         self.bodies.push(body);
     }
 
     /// Colour at (u, v) of a surface, sRGB-encoded, with sun, shadow, skylight and highlight.
     pub(super) fn color(&self, surface: &Surface, at: DVec2) -> DVec3 {
-        let (point, normal) = (surface.shape.point(at), surface.shape.normal(at));
+        let point = surface.shape.point(at);
+        let normal = surface.shape.normal(at);
         let albedo = surface.texture.color(at, normal);
         if matches!(surface.texture, Texture::Sky) {
             return encode(albedo);
@@ -282,7 +308,8 @@ impl Studio {
         let sun = dvec3(-0.55, -1.0, -0.65).normalize();
         let half = (sun + dvec3(0.1, -0.45, -0.9).normalize()).normalize();
         let facing = normal.dot(sun).max(0.0);
-        let lit = if facing > 0.0 { facing * self.sunlight(point + normal * 0.01, sun) } else { 0.0 };
+        let lit =
+            if facing > 0.0 { facing * self.sunlight(point + normal * 0.01, sun) } else { 0.0 };
         let sky = (0.6 - 0.4 * normal.y) * self.open_sky(point, normal);
         let highlight = surface.gloss * lit * normal.dot(half).max(0.0).powi(48);
         encode(albedo * (dvec3(1.0, 0.94, 0.84) * lit + dvec3(0.36, 0.42, 0.50) * sky) + highlight)
@@ -295,7 +322,8 @@ impl Studio {
 
     /// Visible share of the sun from `p`, with a soft edge (sphere tracing).
     fn sunlight(&self, p: DVec3, sun: DVec3) -> f64 {
-        let (mut share, mut along) = (1.0f64, 0.0);
+        let mut share = 1.0f64;
+        let mut along = 0.0;
         while along < 4.0 && p.y + sun.y * along > -2.2 {
             let free = self.distance(p + sun * along);
             share = share.min(0.5 + 14.0 * free / (along + 0.2));

@@ -10,7 +10,11 @@ fn at(path: &str) -> PathBuf {
 }
 
 fn bench(args: &[&str], folder: &Path) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_trisplat-bench")).args(args).current_dir(folder).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_trisplat-bench"))
+        .args(args)
+        .current_dir(folder)
+        .output()
+        .unwrap()
 }
 
 fn cost(args: &[&str]) -> Output {
@@ -23,17 +27,28 @@ fn number(value: &Value, key: &str) -> f64 {
 
 #[test]
 fn a_grid_says_which_steps_and_triangles_to_use() {
-    let grid =
-        ["--steps", "20,160", "--max-triangles", "300,1200", "--budget", "1h", "--seeds", "2", "--json"];
+    let grid = [
+        "--steps",
+        "20,160",
+        "--max-triangles",
+        "300,1200",
+        "--budget",
+        "1h",
+        "--seeds",
+        "2",
+        "--json",
+    ];
     let output = cost(&grid);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success(), "{said}");
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     let cells = report["cells"].as_array().unwrap();
-    let sizes: Vec<_> = cells.iter().map(|c| (number(c, "steps"), number(c, "max_triangles"))).collect();
+    let sizes: Vec<_> =
+        cells.iter().map(|c| (number(c, "steps"), number(c, "max_triangles"))).collect();
     assert_eq!(sizes, [(20.0, 300.0), (160.0, 300.0), (20.0, 1200.0), (160.0, 1200.0)]);
     // More steps and more triangles come closer, and cost more.
-    let (least, most) = (&cells[0], &cells[3]);
+    let least = &cells[0];
+    let most = &cells[3];
     assert!(number(most, "psnr") > number(least, "psnr") + 1.0, "{report}");
     assert!(number(most, "cpu_seconds") > number(least, "cpu_seconds"), "{report}");
     for cell in cells {
@@ -43,8 +58,12 @@ fn a_grid_says_which_steps_and_triangles_to_use() {
     }
     // Photos that are held out are not looked at, and those watched are not trained on.
     let held_out = std::fs::read_to_string(at("samples/dataset/test.txt")).unwrap();
-    let watched: Vec<&str> = report["watched"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
-    assert!(watched.len() >= 3 && watched.iter().all(|name| !held_out.contains(name)), "{watched:?}");
+    let watched: Vec<&str> =
+        report["watched"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
+    assert!(
+        watched.len() >= 3 && watched.iter().all(|name| !held_out.contains(name)),
+        "{watched:?}"
+    );
     let sentence = report["advice"].as_str().unwrap();
     assert!(said.trim_end().ends_with(sentence) && sentence.starts_with("use --steps "), "{said}");
     assert_eq!(report["photo_size"], "64x48");
@@ -52,8 +71,16 @@ fn a_grid_says_which_steps_and_triangles_to_use() {
 
 #[test]
 fn a_budget_ends_the_grid() {
-    let output =
-        cost(&["--steps", "20,40000000", "--max-triangles", "300", "--budget", "2m", "--seeds", "1"]);
+    let output = cost(&[
+        "--steps",
+        "20,40000000",
+        "--max-triangles",
+        "300",
+        "--budget",
+        "2m",
+        "--seeds",
+        "1",
+    ]);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success(), "{said}");
     assert!(said.contains("what more time would give was not measured"), "{said}");
@@ -79,13 +106,16 @@ fn samples_are_those_of_the_repository_and_replace_nothing_unasked() {
     assert!(bench(&make, folder.path()).status.success());
     let made = std::fs::read(folder.path().join("a.ply")).unwrap();
     assert!(made == std::fs::read(at("samples/soups/studio.ply")).unwrap());
-    let photos = ["sample", "dataset", "-o", "photos", "--views", "3", "--width", "16", "--points", "20"];
+    let photos =
+        ["sample", "dataset", "-o", "photos", "--views", "3", "--width", "16", "--points", "20"];
     assert!(bench(&photos, folder.path()).status.success());
     for again in [&make[..], &photos] {
         let output = bench(again, folder.path());
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(
-            output.status.code() == Some(1) && said.contains("--output") && said.contains("--force"),
+            output.status.code() == Some(1)
+                && said.contains("--output")
+                && said.contains("--force"),
             "{said}"
         );
         assert!(bench(&[again, &["--force"]].concat(), folder.path()).status.success());
@@ -103,7 +133,10 @@ fn stress_prints_its_promises_and_a_case_can_be_replayed() {
     let again = bench(&["stress", "--replay", &frames["worst"].to_string()], &at(""));
     let said = String::from_utf8_lossy(&again.stderr).into_owned();
     let found = format!("{:.3e}", frames["found"].as_f64().unwrap());
-    assert!(said.lines().any(|line| line.starts_with("frames") && line.ends_with(&found)), "{found}: {said}");
+    assert!(
+        said.lines().any(|line| line.starts_with("frames") && line.ends_with(&found)),
+        "{found}: {said}"
+    );
 }
 
 /// The program that is measured is not built with these tests: a script stands in for it.

@@ -48,7 +48,9 @@ fn models(root: &Path) -> Vec<ModelFiles> {
 fn models_in(folder: &Path) -> Vec<ModelFiles> {
     let model = |folder: PathBuf| {
         let has = |extension: &str| {
-            ["cameras", "images"].iter().all(|name| folder.join(format!("{name}.{extension}")).is_file())
+            ["cameras", "images"]
+                .iter()
+                .all(|name| folder.join(format!("{name}.{extension}")).is_file())
         };
         let binary = has("bin");
         (binary || has("txt")).then_some(ModelFiles { folder, binary })
@@ -66,16 +68,25 @@ pub(super) fn numbered(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// Reads the model and finds its photos.
-pub(super) fn read(root: &Path, files: &ModelFiles, options: &DatasetOptions) -> Result<FoundDataset> {
+pub(super) fn read(
+    root: &Path,
+    files: &ModelFiles,
+    options: &DatasetOptions,
+) -> Result<FoundDataset> {
     let mut warnings = Vec::new();
-    let (mut model, mut points) = (files.model(&options.limits, true)?, files.points(&options.limits)?);
+    let mut model = files.model(&options.limits, true)?;
+    let mut points = files.points(&options.limits)?;
     let point_file = files.point_file();
     if !point_file.is_file() {
         warnings.push(format!("{} is missing", point_file.display()));
     }
     let list = files.folder.join(if files.binary { "images.bin" } else { "images.txt" });
     if model.images.is_empty() {
-        return Err(Error::malformed(&list, "images", "the model has no image; run COLMAP's mapper again"));
+        return Err(Error::malformed(
+            &list,
+            "images",
+            "the model has no image; run COLMAP's mapper again",
+        ));
     }
     if let Some(reason) = foreign_points(&model, &places(&points)) {
         warnings.push(format!("{} {reason}: its points are not used", point_file.display()));
@@ -102,10 +113,12 @@ pub(super) fn read(root: &Path, files: &ModelFiles, options: &DatasetOptions) ->
 /// The warning that the reconstruction of the data set at `root` is only one of several.
 fn fell_apart(root: &Path, files: &ModelFiles) -> Option<String> {
     let models = models(root);
-    let others: Vec<String> = models.iter().skip(1).map(|other| other.photos().to_string()).collect();
+    let others: Vec<String> =
+        models.iter().skip(1).map(|other| other.photos().to_string()).collect();
     let first = models.first().filter(|first| *first == files && !others.is_empty())?;
     let place = first.folder.strip_prefix(root).unwrap_or(&first.folder).display();
-    let (count, photos) = (models.len(), first.photos());
+    let count = models.len();
+    let photos = first.photos();
     Some(format!(
         "the reconstruction fell into {count} models: only {place} is used, of {photos} photos; the others have {}",
         others.join(", ")
@@ -124,13 +137,15 @@ fn foreign_points(model: &Model, places: &HashMap<u64, DVec3>) -> Option<String>
         return Some(format!("{other}: none of the points of {observed} observations exists"));
     }
     // The photos may have been observed at another size than their cameras have.
-    let scales = found.iter().filter_map(|(_, at, seen)| Some(at.as_ref()?.length() / seen.length()));
+    let scales =
+        found.iter().filter_map(|(_, at, seen)| Some(at.as_ref()?.length() / seen.length()));
     let scale = median(scales.collect(), f64::total_cmp).unwrap_or(1.0);
     let is_apart = |(lens, at, seen): &&(&Lens, Option<DVec2>, DVec2)| {
         let most = MOST_APART * lens.size.as_dvec2().max_element();
         !at.is_some_and(|at| at.distance(*seen * scale) <= most)
     };
-    let (apart, count) = (found.iter().filter(is_apart).count(), found.len());
+    let apart = found.iter().filter(is_apart).count();
+    let count = found.len();
     (count >= LEAST_SIGHTINGS && 2 * apart > count)
         .then(|| format!("{other}: {apart} of {count} points are not where the photos show them"))
 }
@@ -141,7 +156,8 @@ fn leave_out_loose(model: &mut Model, warnings: &mut Vec<String>) {
     let usual = median(model.images.iter().map(ties).collect(), usize::cmp).unwrap_or(0);
     // A photo of none has its pose from elsewhere.
     let loose = |image: &ImageRow| usual >= USUAL_TIES && (1..LEAST_TIES).contains(&ties(image));
-    let (total, out) = (model.images.len(), model.images.iter().filter(|image| loose(image)).count());
+    let total = model.images.len();
+    let out = model.images.iter().filter(|image| loose(image)).count();
     let Some(first) = model.images.iter().find(|image| loose(image)) else { return };
     warnings.push(format!(
         "{out} of {total} photos left out: fewer than {LEAST_TIES} points hold their poses (`{}`: {}, half of the photos have \
@@ -184,7 +200,8 @@ fn photo(
         let reason = format!("its camera {} is not in the cameras file", image.camera);
         Error::malformed(files.list, &place, reason)
     })?;
-    let (name, path) = (image.name.replace('\\', "/"), files.find(&place, &image.name)?);
+    let name = image.name.replace('\\', "/");
+    let path = files.find(&place, &image.name)?;
     let tracked = image.observations.iter().filter_map(|(id, _)| points.get(id).copied()).collect();
     let pose = (image.rotation, image.translation);
     Ok(FoundPhoto { tracked, ..FoundPhoto::posed(name, path, pose, LensClaim::of(lens)) })
@@ -224,7 +241,10 @@ fn places(points: &[FoundPoint]) -> HashMap<u64, DVec3> {
 }
 
 /// Every observation of a point: the lens, the pixel of the point, `None` behind the camera, and the observed pixel.
-fn sightings<'a>(model: &'a Model, places: &HashMap<u64, DVec3>) -> Vec<(&'a Lens, Option<DVec2>, DVec2)> {
+fn sightings<'a>(
+    model: &'a Model,
+    places: &HashMap<u64, DVec3>,
+) -> Vec<(&'a Lens, Option<DVec2>, DVec2)> {
     let mut found = Vec::new();
     for image in &model.images {
         let Some(lens) = model.cameras.get(&image.camera) else { continue };
@@ -242,8 +262,11 @@ fn sightings<'a>(model: &'a Model, places: &HashMap<u64, DVec3>) -> Vec<(&'a Len
 /// Errors: a broken model.
 pub(super) fn reprojection(root: &Path, limits: &Limits) -> Result<Option<Reprojection>> {
     let Some(files) = locate(root) else { return Ok(None) };
-    let (model, places) = (files.model(limits, true)?, places(&files.points(limits)?));
-    let (mut sum, mut observations, mut behind) = (0.0, 0u64, 0u64);
+    let model = files.model(limits, true)?;
+    let places = places(&files.points(limits)?);
+    let mut sum = 0.0;
+    let mut observations = 0u64;
+    let mut behind = 0u64;
     for (_, at, seen) in sightings(&model, &places) {
         match at.map(|at| at.distance(seen)).filter(|error| error.is_finite()) {
             Some(error) => (sum, observations) = (sum + error, observations + 1),
@@ -283,7 +306,8 @@ pub(crate) fn tracks(folder: &Path, limits: &Limits) -> Result<Tracks> {
     let Some(files) = locate(folder) else {
         return Err(Error::unsupported(folder, "holds no COLMAP model; find the poses again"));
     };
-    let (model, places) = (files.model(limits, true)?, places(&files.points(limits)?));
+    let model = files.model(limits, true)?;
+    let places = places(&files.points(limits)?);
     let mut ids: Vec<u64> = places.into_keys().collect();
     ids.sort_unstable();
     let index: HashMap<u64, u32> = ids.iter().copied().zip(0..).collect();
@@ -293,7 +317,11 @@ pub(crate) fn tracks(folder: &Path, limits: &Limits) -> Result<Tracks> {
         .map(|image| TrackedPhoto {
             name: image.name.replace('\\', "/"),
             size: model.cameras.get(&image.camera).map_or(UVec2::ONE, |lens| lens.size),
-            seen: image.observations.iter().filter_map(|(id, at)| Some((*index.get(id)?, *at))).collect(),
+            seen: image
+                .observations
+                .iter()
+                .filter_map(|(id, at)| Some((*index.get(id)?, *at)))
+                .collect(),
         })
         .collect();
     photos.sort_by(|a, b| a.name.cmp(&b.name));

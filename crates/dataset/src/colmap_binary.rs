@@ -17,7 +17,11 @@ const NO_POINT: u64 = u64::MAX;
 pub(super) fn read(folder: &Path, limits: &Limits, observations: bool) -> Result<Model> {
     let mut model = Model::default();
     read_cameras(&mut BinaryFile::open(folder.join("cameras.bin"), limits)?, &mut model)?;
-    read_images(&mut BinaryFile::open(folder.join("images.bin"), limits)?, observations, &mut model)?;
+    read_images(
+        &mut BinaryFile::open(folder.join("images.bin"), limits)?,
+        observations,
+        &mut model,
+    )?;
     Ok(model)
 }
 
@@ -28,7 +32,9 @@ fn read_cameras(bytes: &mut BinaryFile, model: &mut Model) -> Result<()> {
         let number = i32::from_le_bytes(bytes.take()?);
         let size = [u64::from_le_bytes(bytes.take()?), u64::from_le_bytes(bytes.take()?)];
         let Some(name) = colmap_model::camera_model_name(number) else {
-            return Err(bytes.malformed(format!("camera {id} has model {number}, which does not exist")));
+            return Err(
+                bytes.malformed(format!("camera {id} has model {number}, which does not exist"))
+            );
         };
         let params: Vec<f64> = (0..colmap_model::parameter_count(&bytes.path, name)?)
             .map(|_| Ok(f64::from_le_bytes(bytes.take()?)))
@@ -65,7 +71,8 @@ fn read_observations(bytes: &mut BinaryFile, count: usize) -> Result<Vec<(u64, V
         let number = |at: usize| row[at..at + 8].try_into().unwrap_or([0; 8]);
         let point = u64::from_le_bytes(number(16));
         if point != NO_POINT {
-            let (x, y) = (f64::from_le_bytes(number(0)), f64::from_le_bytes(number(8)));
+            let x = f64::from_le_bytes(number(0));
+            let y = f64::from_le_bytes(number(8));
             observations.push((point, Vec2::new(x as f32, y as f32)));
         }
     }
@@ -132,7 +139,9 @@ impl BinaryFile {
         let count = u64::from_le_bytes(self.take()?);
         let left = self.len - self.at;
         if count > left / bytes_each {
-            return Err(self.malformed(format!("promises {count} {what}, but only {left} bytes follow")));
+            return Err(
+                self.malformed(format!("promises {count} {what}, but only {left} bytes follow"))
+            );
         }
         Ok(count as usize)
     }
@@ -150,7 +159,8 @@ impl BinaryFile {
             }
             name.push(byte);
         }
-        String::from_utf8(name).map_err(|e| self.malformed(format!("a photo's name is not UTF-8: {e}")))
+        String::from_utf8(name)
+            .map_err(|e| self.malformed(format!("a photo's name is not UTF-8: {e}")))
     }
 
     fn skip(&mut self, bytes: u64) -> Result<()> {

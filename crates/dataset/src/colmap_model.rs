@@ -67,7 +67,10 @@ pub(super) fn parameter_count(path: &Path, model: &str) -> Result<usize> {
     read().find(|(known, _)| *known == name).map(|(_, count)| *count).ok_or_else(|| {
         let ours = read().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
         let remedy = "run `colmap image_undistorter` and use its output";
-        Error::unsupported(path, format!("camera model {model} is not read (only {ours}); {remedy}"))
+        Error::unsupported(
+            path,
+            format!("camera model {model} is not read (only {ours}); {remedy}"),
+        )
     })
 }
 

@@ -98,10 +98,15 @@ impl TextFile {
         let most = self.limits.document_bytes.saturating_add(1);
         let read = (&mut self.reader).take(most).read_line(&mut self.line);
         let bytes = read.map_err(|e| match e.kind() {
-            std::io::ErrorKind::InvalidData => self.malformed("is not text; a binary model ends in .bin"),
+            std::io::ErrorKind::InvalidData => {
+                self.malformed("is not text; a binary model ends in .bin")
+            }
             _ => Error::io(&self.path, e),
         })?;
-        self.limits.document(format_args!("{}: line {}", self.path.display(), self.number), bytes as u64)?;
+        self.limits.document(
+            format_args!("{}: line {}", self.path.display(), self.number),
+            bytes as u64,
+        )?;
         if self.number == 1 && self.line.starts_with('\u{feff}') {
             self.line.remove(0);
         }
@@ -146,8 +151,9 @@ impl<'a> Words<'a> {
 
     fn number<T: FromStr>(&mut self, what: &str) -> Result<T> {
         let word = self.word(what)?;
-        word.parse()
-            .map_err(|_| self.lines.malformed(format!("the {what} `{}` is not such a number", excerpt(word))))
+        word.parse().map_err(|_| {
+            self.lines.malformed(format!("the {what} `{}` is not such a number", excerpt(word)))
+        })
     }
 
     fn numbers<const N: usize>(&mut self, what: &str) -> Result<[f64; N]> {

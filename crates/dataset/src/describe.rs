@@ -87,11 +87,15 @@ pub fn describe(dataset: &Dataset, limits: &Limits) -> Result<Description> {
         masks: count(&|v| v.photo.mask.is_some()),
         cut: count(&|v| v.photo.is_cut()),
         undistorted: count(&|v| v.photo.undistort.is_some()),
-        decoded_bytes: views.iter().map(|v| pixels(v) * if v.photo.mask.is_some() { 4 } else { 3 }).sum(),
+        decoded_bytes: views
+            .iter()
+            .map(|v| pixels(v) * if v.photo.mask.is_some() { 4 } else { 3 })
+            .sum(),
         camera_extent: around.map_or(0.0, |[low, high]| low.distance(high).into()),
         points: dataset.points.len() as u64,
         point_bounds: bounds(dataset),
-        stated_error_px: (!stated.is_empty()).then(|| stated.iter().sum::<f64>() / stated.len() as f64),
+        stated_error_px: (!stated.is_empty())
+            .then(|| stated.iter().sum::<f64>() / stated.len() as f64),
         reprojection: dataset.reprojection(limits)?,
         origin: (origin != glam::DVec3::ZERO).then(|| origin.to_array()),
         warnings: dataset.warnings.clone(),
@@ -111,7 +115,8 @@ fn cameras(views: &[View]) -> Vec<CameraGroup> {
             center: camera.center.as_dvec2().to_array(),
             field_of_view: 2.0 * (width / 2.0 / f64::from(camera.focal.x)).atan().to_degrees(),
         };
-        let same = |other: &&mut CameraGroup| CameraGroup { photos: 1, ..(**other).clone() } == group;
+        let same =
+            |other: &&mut CameraGroup| CameraGroup { photos: 1, ..(**other).clone() } == group;
         match groups.iter_mut().find(same) {
             Some(other) => other.photos += 1,
             None => groups.push(group),
@@ -125,8 +130,11 @@ fn cameras(views: &[View]) -> Vec<CameraGroup> {
 fn bounds(dataset: &Dataset) -> Option<[[f64; 3]; 2]> {
     let last = dataset.points.len().checked_sub(1)?;
     let axis = |axis: usize| {
-        let mut values: Vec<f64> =
-            dataset.points.iter().map(|p| f64::from(p.position[axis]) + dataset.origin[axis]).collect();
+        let mut values: Vec<f64> = dataset
+            .points
+            .iter()
+            .map(|p| f64::from(p.position[axis]) + dataset.origin[axis])
+            .collect();
         values.sort_by(f64::total_cmp);
         [values[last / 100], values[last - last / 100]]
     };
@@ -156,7 +164,8 @@ impl Dataset {
         let mut files = vec![path.to_owned()];
         // A model may be given by its own folder, below that of the photos.
         let is_model = ["images.bin", "images.txt"].iter().any(|name| root.join(name).is_file());
-        let above = is_model.then(|| with_photos(root, images)).flatten().filter(|above| *above != root);
+        let above =
+            is_model.then(|| with_photos(root, images)).flatten().filter(|above| *above != root);
         let roots: Vec<&Path> = std::iter::once(root).chain(above).collect();
         for root in roots {
             files.extend(Self::pose_files(root));
@@ -166,8 +175,9 @@ impl Dataset {
                 files.extend(files_below(&root.join(folder)).into_iter().filter(is_picture));
             }
         }
-        let is_json =
-            |file: &&PathBuf| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"));
+        let is_json = |file: &&PathBuf| {
+            file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
+        };
         let lists = files.iter().filter(is_json);
         let named: Vec<PathBuf> = lists.flat_map(|file| named(&json(file, limits), root)).collect();
         files.extend(named);
@@ -189,7 +199,8 @@ impl Dataset {
 /// The files of poses in `folder` itself.
 fn poses(folder: &Path) -> Vec<PathBuf> {
     let named = |name: &str| NAMES.iter().any(|start| name.starts_with(start));
-    let is_one = |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(named);
+    let is_one =
+        |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(named);
     input::entries(folder).filter(|path| is_one(path) && path.is_file()).collect()
 }
 
@@ -203,8 +214,9 @@ fn json(file: &Path, limits: &Limits) -> Value {
 fn named(list: &Value, root: &Path) -> Vec<PathBuf> {
     let path = |name: &Value| Some(root.join(name.as_str()?.replace('\\', "/")));
     let frames = list["frames"].as_array().into_iter().flatten();
-    let photos =
-        frames.flat_map(|frame| [path(&frame["file_path"]).map(with_extension), path(&frame["mask_path"])]);
+    let photos = frames.flat_map(|frame| {
+        [path(&frame["file_path"]).map(with_extension), path(&frame["mask_path"])]
+    });
     photos.chain([path(&list["ply_file_path"])]).flatten().collect()
 }
 
@@ -233,8 +245,7 @@ mod tests {
         #[cfg(unix)]
         std::os::unix::fs::symlink(folder.path(), at("images/again")).unwrap();
         std::fs::write(at("table.csv"), "#name,x,y,alt").unwrap();
-        let json =
-            r#"{"ply_file_path": "points.ply", "frames": [{"file_path": "other\\2", "mask_path": "m.png"}]}"#;
+        let json = r#"{"ply_file_path": "points.ply", "frames": [{"file_path": "other\\2", "mask_path": "m.png"}]}"#;
         std::fs::write(at("transforms.json"), json).unwrap();
         let found = Dataset::files(folder.path(), Path::new("images"), &Limits::DEFAULT);
         let wanted = [

@@ -74,7 +74,9 @@ fn set_upright(tiff: &mut [u8]) -> Option<()> {
     let long: [u8; 4] = tiff.get(4..8)?.try_into().ok()?;
     let start = if big { u32::from_be_bytes(long) } else { u32::from_le_bytes(long) } as usize;
     let entries = usize::from(short(tiff, start)?);
-    let entry = (0..entries).map(|i| start + 2 + 12 * i).find(|&at| short(tiff, at) == Some(ORIENTATION))?;
+    let entry = (0..entries)
+        .map(|i| start + 2 + 12 * i)
+        .find(|&at| short(tiff, at) == Some(ORIENTATION))?;
     let one = if big { 1u16.to_be_bytes() } else { 1u16.to_le_bytes() };
     tiff.get_mut(entry + 8..entry + 10)?.copy_from_slice(&one);
     Some(())
@@ -142,7 +144,8 @@ mod tests {
 
     #[test]
     fn notes_come_back_from_a_jpeg_and_upright_ones_differ_in_orientation_alone() {
-        let picture = RgbImage { size: UVec2::new(40, 30), rgb: vec![[90, 120, 30]; 1200], alpha: None };
+        let picture =
+            RgbImage { size: UVec2::new(40, 30), rgb: vec![[90, 120, 30]; 1200], alpha: None };
         let plain = picture.to_jpeg(90).unwrap();
         assert_eq!(PhotoNotes::of(&plain), PhotoNotes { orientation: 1, ..PhotoNotes::default() });
         let noted = with_notes(&plain, &sample_notes(6, 26));

@@ -39,9 +39,23 @@ pub(super) struct FoundPhoto {
 
 impl FoundPhoto {
     /// A photo with this pose (rotation and translation), to train on, without mask and tracks.
-    pub(super) fn posed(name: String, path: PathBuf, pose: (DMat3, DVec3), lens: LensClaim) -> Self {
+    pub(super) fn posed(
+        name: String,
+        path: PathBuf,
+        pose: (DMat3, DVec3),
+        lens: LensClaim,
+    ) -> Self {
         let (rotation, translation) = pose;
-        Self { name, path, mask: None, rotation, translation, lens, held_out: false, tracked: Vec::new() }
+        Self {
+            name,
+            path,
+            mask: None,
+            rotation,
+            translation,
+            lens,
+            held_out: false,
+            tracked: Vec::new(),
+        }
     }
 
     /// The place of its camera.
@@ -107,7 +121,9 @@ impl LensClaim {
         if !Camera::is_lens(focal, center, size) || numbers.iter().any(|k| !k.is_finite()) {
             // As arrays the tiniest numbers are short, too.
             let [focal, center] = [focal, center].map(|v| v.to_array());
-            return Err(format!("focal {focal:?}, center {center:?}: expected finite numbers, {LENS}"));
+            return Err(format!(
+                "focal {focal:?}, center {center:?}: expected finite numbers, {LENS}"
+            ));
         }
         Ok(lens)
     }
@@ -132,7 +148,8 @@ pub(super) struct NamedFiles<'a> {
 impl<'a> NamedFiles<'a> {
     /// None yet.
     pub(super) fn new(list: &'a Path, folder: &'a Path, options: &DatasetOptions) -> Self {
-        let (photos, allow_outside) = (folder.join(&options.images), options.allow_outside);
+        let photos = folder.join(&options.images);
+        let allow_outside = options.allow_outside;
         Self { list, folder, photos, allow_outside, absolute: (0, None), moved: (0, None) }
     }
 
@@ -141,7 +158,8 @@ impl<'a> NamedFiles<'a> {
     pub(super) fn find(&mut self, place: &str, name: &str) -> Result<PathBuf> {
         let slashes = name.replace('\\', "/");
         let path = Path::new(slashes.strip_prefix("./").unwrap_or(&slashes));
-        let foreign = path.is_absolute() || slashes.get(1..3) == Some(":/") || slashes.starts_with('/');
+        let foreign =
+            path.is_absolute() || slashes.get(1..3) == Some(":/") || slashes.starts_with('/');
         let there = with_extension(self.folder.join(path));
         let leads_out = !foreign && input::leaves_folder(path);
         if there.is_file() && !leads_out {
@@ -154,7 +172,8 @@ impl<'a> NamedFiles<'a> {
         if leads_out && !self.allow_outside {
             let reason = format!(
                 "names `{name}`, which is outside {}; if that is right, give `allow_outside`",
-                if self.folder.as_os_str().is_empty() { Path::new(".") } else { self.folder }.display()
+                if self.folder.as_os_str().is_empty() { Path::new(".") } else { self.folder }
+                    .display()
             );
             return Err(Error::malformed(self.list, place, reason));
         }
@@ -167,7 +186,8 @@ impl<'a> NamedFiles<'a> {
     /// A file whose path ends as `path` does, as far as possible, or has its stem and another extension.
     fn elsewhere(&self, path: &Path) -> Option<PathBuf> {
         let parts: Vec<_> = path.iter().filter(|part| *part != "..").collect();
-        let ends = || (1..parts.len()).chain([0]).map(|from| parts[from..].iter().collect::<PathBuf>());
+        let ends =
+            || (1..parts.len()).chain([0]).map(|from| parts[from..].iter().collect::<PathBuf>());
         let ends = || ends().filter(|end| !end.has_root());
         let places = || ends().flat_map(|end| [self.folder.join(&end), self.photos.join(&end)]);
         let same = places().find(|place| place.is_file());
@@ -180,19 +200,24 @@ impl<'a> NamedFiles<'a> {
 
     /// The name of the photo at `path`: below the folder of photos, else below the folder.
     pub(super) fn name_of(&self, path: &Path) -> String {
-        let below =
-            path.strip_prefix(&self.photos).or_else(|_| path.strip_prefix(self.folder)).unwrap_or(path);
+        let below = path
+            .strip_prefix(&self.photos)
+            .or_else(|_| path.strip_prefix(self.folder))
+            .unwrap_or(path);
         below.to_string_lossy().replace('\\', "/")
     }
 
     /// The warnings about files that are not in the folder, or not where the list says.
     pub(super) fn warnings(self) -> impl Iterator<Item = String> {
         let list = self.list.display().to_string();
-        let counted = |(count, first): (usize, Option<String>)| Some((counted(count as u64, "file"), first?));
-        let absolute = counted(self.absolute)
-            .map(|(files, first)| format!("{list} names {files} by an absolute path, first `{first}`"));
-        let moved = counted(self.moved)
-            .map(|(files, first)| format!("{files} of {list} in another place than it says, first {first}"));
+        let counted =
+            |(count, first): (usize, Option<String>)| Some((counted(count as u64, "file"), first?));
+        let absolute = counted(self.absolute).map(|(files, first)| {
+            format!("{list} names {files} by an absolute path, first `{first}`")
+        });
+        let moved = counted(self.moved).map(|(files, first)| {
+            format!("{files} of {list} in another place than it says, first {first}")
+        });
         absolute.into_iter().chain(moved)
     }
 }
@@ -234,8 +259,8 @@ mod tests {
             assert!(reason.len() < 300, "{reason}");
         }
         for angle in [7.0, std::f64::consts::PI, 0.0, -1.0, 45.0, f64::NAN] {
-            let reason =
-                resolved(LensClaim { angle: [Some(angle), None], ..LensClaim::default() }).unwrap_err();
+            let reason = resolved(LensClaim { angle: [Some(angle), None], ..LensClaim::default() })
+                .unwrap_err();
             assert!(reason.contains("radians above 0 and below π"), "{reason}");
         }
         assert!(resolved(LensClaim { angle: [Some(3.0), None], ..LensClaim::default() }).is_ok());
@@ -243,12 +268,19 @@ mod tests {
 
     #[test]
     fn a_path_that_leaves_the_folder_is_an_error_and_an_absolute_one_a_warning() {
-        let (list, folder) = (Path::new("set/transforms.json"), Path::new("set"));
+        let list = Path::new("set/transforms.json");
+        let folder = Path::new("set");
         let options = DatasetOptions::default();
         let mut files = NamedFiles::new(list, folder, &options);
-        assert_eq!(files.find("frame 0", "images/../a.png").unwrap(), Path::new("set/images/../a.png"));
+        assert_eq!(
+            files.find("frame 0", "images/../a.png").unwrap(),
+            Path::new("set/images/../a.png")
+        );
         let message = files.find("frame 1", "../secret.png").unwrap_err().to_string();
-        assert!(message.starts_with("set/transforms.json: frame 1: names `../secret.png`"), "{message}");
+        assert!(
+            message.starts_with("set/transforms.json: frame 1: names `../secret.png`"),
+            "{message}"
+        );
         assert!(message.contains("`allow_outside`"), "{message}");
         assert_eq!(NamedFiles::new(list, folder, &options).warnings().next(), None);
         let options = DatasetOptions { allow_outside: true, ..options };
@@ -264,7 +296,8 @@ mod tests {
         ["images/a/1.png", "images/2.jpg", "3.png"]
             .iter()
             .for_each(|name| std::fs::write(at(name), "").unwrap());
-        let (list, options) = (at("transforms.json"), DatasetOptions::default());
+        let list = at("transforms.json");
+        let options = DatasetOptions::default();
         let mut files = NamedFiles::new(&list, folder.path(), &options);
         for (name, found) in [
             ("images\\\\a\\\\1.png".replace("\\\\", "\\"), "images/a/1.png"),
@@ -284,6 +317,9 @@ mod tests {
                 && warnings.last().unwrap().contains(r"`C:\Users"),
             "{warnings:?}"
         );
-        assert!(!cfg!(unix) || warnings[0].contains("names 1 file by an absolute path"), "{warnings:?}");
+        assert!(
+            !cfg!(unix) || warnings[0].contains("names 1 file by an absolute path"),
+            "{warnings:?}"
+        );
     }
 }

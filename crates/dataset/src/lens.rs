@@ -61,7 +61,9 @@ impl Projection {
             Self::Perspective => (ray.z > 0.0).then(|| ray.truncate() / ray.z),
             Self::Fisheye if across == 0.0 => Some(DVec2::ZERO),
             Self::Fisheye => Some(ray.truncate() * (across.atan2(ray.z) / across)),
-            Self::Spherical => Some(DVec2::new(ray.x.atan2(ray.z), ray.y.atan2(ray.x.hypot(ray.z)))),
+            Self::Spherical => {
+                Some(DVec2::new(ray.x.atan2(ray.z), ray.y.atan2(ray.x.hypot(ray.z))))
+            }
         }
     }
 
@@ -74,7 +76,8 @@ impl Projection {
                 (flat * if angle > 0.0 { angle.sin() / angle } else { 1.0 }).extend(angle.cos())
             }
             Self::Spherical => {
-                let ((east, north), (down, level)) = (flat.x.sin_cos(), flat.y.sin_cos());
+                let (east, north) = flat.x.sin_cos();
+                let (down, level) = flat.y.sin_cos();
                 DVec3::new(east * level, down, north * level)
             }
         }
@@ -85,13 +88,23 @@ impl Lens {
     /// The same lens for a photo resized to `size`.
     pub fn resized(&self, size: UVec2) -> Self {
         let ratio = size.as_dvec2() / self.size.as_dvec2();
-        Self { size, focal: self.focal * ratio, center: self.center * ratio, distortion: self.distortion }
+        Self {
+            size,
+            focal: self.focal * ratio,
+            center: self.center * ratio,
+            distortion: self.distortion,
+        }
     }
 
     /// A lens that sees everything around it, in a picture twice as wide as high.
     pub fn spherical(size: UVec2) -> Self {
         let distortion = Distortion { projection: Projection::Spherical, ..Distortion::default() };
-        Self { size, focal: size.as_dvec2() / DVec2::new(TAU, PI), center: size.as_dvec2() / 2.0, distortion }
+        Self {
+            size,
+            focal: size.as_dvec2() / DVec2::new(TAU, PI),
+            center: size.as_dvec2() / 2.0,
+            distortion,
+        }
     }
 
     /// The pixel of a direction (x, y, z), px; `None` behind a perspective lens.
@@ -127,8 +140,10 @@ impl Distortion {
         let [p1, p2] = self.tangential;
         let r2 = p.length_squared();
         let twice = 2.0 * p.x * p.y;
-        let tangential =
-            DVec2::new(p1 * twice + p2 * (r2 + 2.0 * p.x * p.x), p2 * twice + p1 * (r2 + 2.0 * p.y * p.y));
+        let tangential = DVec2::new(
+            p1 * twice + p2 * (r2 + 2.0 * p.x * p.x),
+            p2 * twice + p1 * (r2 + 2.0 * p.y * p.y),
+        );
         let bent = p * self.stretch(r2) + tangential + r2 * DVec2::from(self.prism);
         DVec2::new(bent.x + self.skew * bent.y, bent.y)
     }
@@ -164,9 +179,12 @@ impl Distortion {
         let across = 2.0 * (p.x * p.y * d_stretch + p1 * p.x + p2 * p.y);
         let xx = stretch + 2.0 * p.x * p.x * d_stretch + 2.0 * p1 * p.y + 6.0 * p2 * p.x;
         let yy = stretch + 2.0 * p.y * p.y * d_stretch + 6.0 * p1 * p.y + 2.0 * p2 * p.x;
-        let (s, [s1, s2]) = (self.skew, self.prism);
-        let (xx, yx) = (xx + 2.0 * s1 * p.x, across + 2.0 * s2 * p.x);
-        let (xy, yy) = (across + 2.0 * s1 * p.y, yy + 2.0 * s2 * p.y);
+        let s = self.skew;
+        let [s1, s2] = self.prism;
+        let xx = xx + 2.0 * s1 * p.x;
+        let yx = across + 2.0 * s2 * p.x;
+        let xy = across + 2.0 * s1 * p.y;
+        let yy = yy + 2.0 * s2 * p.y;
         DMat2::from_cols_array(&[xx + s * yx, yx, xy + s * yy, yy])
     }
 
@@ -199,8 +217,9 @@ impl Undistort {
     /// The plan for photos of a perspective `lens`. Fails with the reason when the model folds over inside the photo
     /// or leaves nothing of it.
     pub(crate) fn new(lens: &Lens) -> Result<Self, String> {
-        let (low, high) = inner_rectangle(lens)
-            .ok_or("the distortion folds over inside the photo: its coefficients cannot be right")?;
+        let (low, high) = inner_rectangle(lens).ok_or(
+            "the distortion folds over inside the photo: its coefficients cannot be right",
+        )?;
         let size = (high - low).floor();
         let visible = size.min_element() >= 1.0;
         if !visible {
@@ -231,10 +250,13 @@ impl Undistort {
             Bilinear::at(place * ratio, photo.size)
         });
         match &photo.alpha {
-            None => RgbImage { size, rgb: sources.map(|s| s.blend(&photo.rgb)).collect(), alpha: None },
+            None => {
+                RgbImage { size, rgb: sources.map(|s| s.blend(&photo.rgb)).collect(), alpha: None }
+            }
             Some(alpha) => {
                 let alpha: &[[u8; 1]] = bytemuck::cast_slice(alpha);
-                let (rgb, alpha) = sources.map(|s| (s.blend(&photo.rgb), s.blend(alpha)[0])).unzip();
+                let (rgb, alpha) =
+                    sources.map(|s| (s.blend(&photo.rgb), s.blend(alpha)[0])).unzip();
                 RgbImage { size, rgb, alpha: Some(alpha) }
             }
         }
@@ -245,10 +267,12 @@ impl Undistort {
 /// the same focal lengths and principal point; at most twice the photo's size around that point.
 fn inner_rectangle(lens: &Lens) -> Option<(DVec2, DVec2)> {
     let size = lens.size.as_dvec2();
-    let (mut low, mut high) = (lens.center - size, lens.center + size);
+    let mut low = lens.center - size;
+    let mut high = lens.center + size;
     let undistorted = |pixel: DVec2| lens.direction(pixel).map(|d| lens.focal * d + lens.center);
     // The outermost pixel centres can still be sampled; their pixels reach half a pixel further.
-    let (first, last) = (DVec2::splat(0.5), size - 0.5);
+    let first = DVec2::splat(0.5);
+    let last = size - 0.5;
     for y in 0..lens.size.y {
         let y = f64::from(y) + 0.5;
         low.x = low.x.max(undistorted(DVec2::new(first.x, y))?.x - 0.5);
@@ -275,9 +299,11 @@ impl Bilinear {
         let place = (place - 0.5).clamp(DVec2::ZERO, last);
         let cell = place.floor().min((last - 1.0).max(DVec2::ZERO));
         let [fx, fy] = ((place - cell) * 256.0).round().as_uvec2().to_array();
-        let (x, y) = (cell.x as usize, cell.y as usize);
-        let (width, right, below) =
-            (size.x as usize, usize::from(size.x > 1), if size.y > 1 { size.x as usize } else { 0 });
+        let x = cell.x as usize;
+        let y = cell.y as usize;
+        let width = size.x as usize;
+        let right = usize::from(size.x > 1);
+        let below = if size.y > 1 { size.x as usize } else { 0 };
         let corner = y * width + x;
         Self {
             at: [corner, corner + right, corner + below, corner + below + right],
@@ -324,7 +350,9 @@ mod tests {
     ];
 
     fn grid() -> impl Iterator<Item = DVec2> {
-        (0..21 * 21).map(|i| DVec2::new(f64::from(i % 21) / 10.0 - 1.0, f64::from(i / 21) / 10.0 - 1.0) * 0.7)
+        (0..21 * 21).map(|i| {
+            DVec2::new(f64::from(i % 21) / 10.0 - 1.0, f64::from(i / 21) / 10.0 - 1.0) * 0.7
+        })
     }
 
     #[test]
@@ -343,7 +371,8 @@ mod tests {
             for p in grid() {
                 let h = 1e-6;
                 for (axis, column) in [(DVec2::X, 0), (DVec2::Y, 1)] {
-                    let numeric = (lens.distort(p + axis * h) - lens.distort(p - axis * h)) / (2.0 * h);
+                    let numeric =
+                        (lens.distort(p + axis * h) - lens.distort(p - axis * h)) / (2.0 * h);
                     assert!((lens.distort_slope(p).col(column) - numeric).length() < 1e-8);
                 }
             }
@@ -370,7 +399,8 @@ mod tests {
 
     /// Colours that vary smoothly with the direction a pinhole looks in.
     fn colour(direction: DVec2) -> [u8; 3] {
-        [direction.x, direction.y, direction.x * direction.y].map(|c| (128.0 + 120.0 * c).round() as u8)
+        [direction.x, direction.y, direction.x * direction.y]
+            .map(|c| (128.0 + 120.0 * c).round() as u8)
     }
 
     #[test]
@@ -391,7 +421,10 @@ mod tests {
                 let pixel = DVec2::new(f64::from(i % width) + 0.5, f64::from(i / width) + 0.5);
                 let want = colour((pixel - pinhole.center) / pinhole.focal);
                 // One code: both the photo's pixels and the result are rounded.
-                assert!((0..3).all(|c| rgb[c].abs_diff(want[c]) <= 1), "{radial:?} {pixel} {rgb:?} {want:?}");
+                assert!(
+                    (0..3).all(|c| rgb[c].abs_diff(want[c]) <= 1),
+                    "{radial:?} {pixel} {rgb:?} {want:?}"
+                );
             }
         }
     }
@@ -405,7 +438,8 @@ mod tests {
             let mut slack = [f64::INFINITY; 2];
             for k in 0..=400 {
                 let t = f64::from(k) / 400.0;
-                let (x, y) = (0.5 + t * (w - 1.0), 0.5 + t * (h - 1.0));
+                let x = 0.5 + t * (w - 1.0);
+                let y = 0.5 + t * (h - 1.0);
                 for edge in [(x, 0.5), (x, h - 0.5), (0.5, y), (w - 0.5, y)] {
                     let place = lens.project((DVec2::from(edge) - pinhole.center) / pinhole.focal);
                     let margin = (place - 0.5).min(lens.size.as_dvec2() - 0.5 - place);

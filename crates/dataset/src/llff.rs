@@ -30,11 +30,20 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     let name = options.images.display().to_string();
     let folders = [name.clone()].into_iter().chain([2, 4, 8, 16].map(|by| format!("{name}_{by}")));
     let counted = folders.map(|folder| (pictures(&root.join(&folder)), folder)).collect::<Vec<_>>();
-    let Some((pictures, folder)) = counted.iter().find(|(pictures, _)| pictures.len() == header.rows) else {
-        let found: Vec<String> =
-            counted.iter().map(|(pictures, folder)| format!("{} in {folder}", pictures.len())).collect();
-        let reason = format!("has {} poses, and there are photos: {}", header.rows, found.join(", "));
-        return Err(Error::malformed(file, "photos", format!("{reason}; each pose needs its photo")));
+    let Some((pictures, folder)) =
+        counted.iter().find(|(pictures, _)| pictures.len() == header.rows)
+    else {
+        let found: Vec<String> = counted
+            .iter()
+            .map(|(pictures, folder)| format!("{} in {folder}", pictures.len()))
+            .collect();
+        let reason =
+            format!("has {} poses, and there are photos: {}", header.rows, found.join(", "));
+        return Err(Error::malformed(
+            file,
+            "photos",
+            format!("{reason}; each pose needs its photo"),
+        ));
     };
     // No more numbers than photos take memory.
     let rows = header.rows(file, &mut from)?;
@@ -45,23 +54,28 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
             .map_err(|reason| Error::malformed(file, format!("pose {index}"), reason))
     });
     let photos = photos.collect::<Result<_>>()?;
-    let (kind, list, points) = (DatasetKind::Llff, file.to_owned(), Vec::new());
+    let kind = DatasetKind::Llff;
+    let list = file.to_owned();
+    let points = Vec::new();
     Ok(FoundDataset { kind, root, list, photos, points, warnings: Vec::new() })
 }
 
 /// The pictures in a folder, in order of name.
 fn pictures(folder: &Path) -> Vec<PathBuf> {
     let is_picture = |path: &PathBuf| image::ImageFormat::from_path(path).is_ok();
-    let mut pictures: Vec<PathBuf> = input::files_below(folder).into_iter().filter(is_picture).collect();
+    let mut pictures: Vec<PathBuf> =
+        input::files_below(folder).into_iter().filter(is_picture).collect();
     pictures.sort();
     pictures
 }
 
 fn photo(name: String, path: PathBuf, row: &[f64; ROW]) -> Result<FoundPhoto, String> {
     let column = |c: usize| DVec3::new(row[c], row[5 + c], row[10 + c]);
-    let (to_world, size) = (DMat3::from_cols(column(1), column(0), -column(2)), column(4));
+    let to_world = DMat3::from_cols(column(1), column(0), -column(2));
+    let size = column(4);
     let skew = to_world.transpose() * to_world - DMat3::IDENTITY;
-    let turned = to_world.determinant() > 0.0 && skew.to_cols_array().iter().all(|x| x.abs() < 1e-3);
+    let turned =
+        to_world.determinant() > 0.0 && skew.to_cols_array().iter().all(|x| x.abs() < 1e-3);
     if !turned || !row.iter().all(|x| x.is_finite()) {
         return Err("is no rotation: expected columns down, right, backwards".into());
     }
@@ -89,11 +103,17 @@ impl Header {
     /// Read it from the start of `from`, a file of `length` bytes: magic bytes, the length of a Python dict, the dict.
     fn read(file: &Path, from: &mut File, length: u64) -> Result<Self> {
         let wrong = |reason: String| {
-            Error::malformed(file, "header", format!("{reason}; expected N x {ROW} numbers, little endian"))
+            Error::malformed(
+                file,
+                "header",
+                format!("{reason}; expected N x {ROW} numbers, little endian"),
+            )
         };
         let mut next = |count: usize| {
             let mut bytes = vec![0; count];
-            from.read_exact(&mut bytes).map_err(|_| wrong("is not a NumPy array".into())).map(|()| bytes)
+            from.read_exact(&mut bytes)
+                .map_err(|_| wrong("is not a NumPy array".into()))
+                .map(|()| bytes)
         };
         let is_long = match next(8)?[..] {
             [0x93, b'N', b'U', b'M', b'P', b'Y', version, _] => version > 1,
@@ -115,7 +135,9 @@ impl Header {
         let shape = text.split_once("shape:(").and_then(|(_, rest)| rest.split_once(')'));
         let shape = shape.map_or("", |(shape, _)| shape);
         let rows = shape.strip_suffix(&format!(",{ROW}")).and_then(|rows| rows.parse().ok());
-        let Some(rows) = rows.filter(|_| !text.contains("fortran_order:True")) else { return Err(says()) };
+        let Some(rows) = rows.filter(|_| !text.contains("fortran_order:True")) else {
+            return Err(says());
+        };
         let follow = length.saturating_sub(start + size as u64) / bytes_per_number as u64;
         if follow / ROW as u64 != rows as u64 {
             return Err(wrong(format!("says ({shape}), and {follow} numbers follow")));

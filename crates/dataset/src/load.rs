@@ -43,7 +43,10 @@ impl Dataset {
     /// True for a file or folder with camera poses that [`Dataset::load`] can read.
     pub fn is_posed(path: &Path) -> bool {
         match path.is_dir() {
-            true => colmap::locate(path).is_some() || LISTS.iter().any(|(_, find, _)| find(path).is_some()),
+            true => {
+                colmap::locate(path).is_some()
+                    || LISTS.iter().any(|(_, find, _)| find(path).is_some())
+            }
             false => path.is_file() && reader(path).is_some(),
         }
     }
@@ -70,7 +73,9 @@ impl Dataset {
     /// A model that can no longer be read.
     pub fn reprojection(&self, limits: &Limits) -> Result<Option<Reprojection>> {
         match self.kind {
-            DatasetKind::ColmapBinary | DatasetKind::ColmapText => colmap::reprojection(&self.path, limits),
+            DatasetKind::ColmapBinary | DatasetKind::ColmapText => {
+                colmap::reprojection(&self.path, limits)
+            }
             _ => Ok(None),
         }
     }
@@ -110,7 +115,8 @@ fn find(path: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
     }
     let inside = path.join("photos");
     if Dataset::is_posed(&inside) {
-        let reason = format!("is a folder of `trisplat make`: its data set is {}", inside.display());
+        let reason =
+            format!("is a folder of `trisplat make`: its data set is {}", inside.display());
         return Err(Error::unsupported(path, reason));
     }
     Err(Error::unsupported(
@@ -189,19 +195,25 @@ fn check_named(found: &FoundDataset, views: &[View], names: &BTreeSet<String>) -
 }
 
 /// Reads the header of every photo and makes it a view.
-fn open_views(found: &mut FoundDataset, origin: DVec3, options: &DatasetOptions) -> Result<Vec<View>> {
+fn open_views(
+    found: &mut FoundDataset,
+    origin: DVec3,
+    options: &DatasetOptions,
+) -> Result<Vec<View>> {
     let opened: Vec<Result<(Vec<View>, Option<String>)>> =
         parallel::map(&found.photos, |_, photo| open_photo(photo, origin, options));
     let total = opened.len();
     let mut views: Vec<View> = Vec::with_capacity(total);
-    let (mut wide, mut parts) = (0, 0);
+    let mut wide = 0;
+    let mut parts = 0;
     let mut resized = Vec::new();
     let mut broken = Vec::new();
     for (photo, result) in found.photos.iter().zip(opened) {
         match result {
             Ok((of_photo, warning)) => {
                 let several = of_photo.len() > 1;
-                (wide, parts) = if several { (wide + 1, parts + of_photo.len()) } else { (wide, parts) };
+                (wide, parts) =
+                    if several { (wide + 1, parts + of_photo.len()) } else { (wide, parts) };
                 views.extend(of_photo);
                 resized.extend(warning);
             }
@@ -230,13 +242,17 @@ fn open_views(found: &mut FoundDataset, origin: DVec3, options: &DatasetOptions)
         found.warnings.push(format!("{broken} and left out, first {error}"));
     }
     if views.is_empty() {
-        return Err(Error::unsupported(&found.list, "no photo is left; a data set needs at least one"));
+        return Err(Error::unsupported(
+            &found.list,
+            "no photo is left; a data set needs at least one",
+        ));
     }
     if wide > 0 {
         views.sort_by(|a, b| a.name.cmp(&b.name));
-        found
-            .warnings
-            .push(format!("{wide} wide photos are read as {parts} pinhole views, first `{}`", views[0].name));
+        found.warnings.push(format!(
+            "{wide} wide photos are read as {parts} pinhole views, first `{}`",
+            views[0].name
+        ));
     }
     Ok(views)
 }
@@ -304,7 +320,13 @@ fn open_photo(
         }
         // A wide photo has none: its points are in one of its views or another.
         let tracked = if part.is_empty() { found.tracked.clone() } else { Vec::new() };
-        Ok(View { name: views::name(&found.name, part), camera, photo, test: found.held_out, tracked })
+        Ok(View {
+            name: views::name(&found.name, part),
+            camera,
+            photo,
+            test: found.held_out,
+            tracked,
+        })
     };
     let plans = views::plans(&lens).map_err(at_fault)?;
     let views = plans.into_iter().map(view).collect::<Result<_>>()?;
@@ -317,9 +339,11 @@ fn check_memory(path: &Path, stored: UVec2, options: &DatasetOptions) -> Result<
     if bytes <= options.photo_bytes() {
         return Ok(());
     }
-    let (has, wants) = (options.photo_memory_mib, bytes.div_ceil(1 << 20));
-    let reason =
-        format!("takes {wants} MiB to decode, and {has} may be used; give `photo_memory_mib` {wants}");
+    let has = options.photo_memory_mib;
+    let wants = bytes.div_ceil(1 << 20);
+    let reason = format!(
+        "takes {wants} MiB to decode, and {has} may be used; give `photo_memory_mib` {wants}"
+    );
     Err(Error::unsupported(path, reason))
 }
 
@@ -328,7 +352,10 @@ fn check_shape(path: &Path, lens: &Lens, stored: UVec2) -> Result<Option<String>
     if lens.size == stored {
         return Ok(None);
     }
-    let sizes = format!("the photo is {}x{}, its camera {}x{}", stored.x, stored.y, lens.size.x, lens.size.y);
+    let sizes = format!(
+        "the photo is {}x{}, its camera {}x{}",
+        stored.x, stored.y, lens.size.x, lens.size.y
+    );
     // Shrinking rounds each side to whole pixels.
     let rounding = 1.0 / f64::from(stored.min_element()) + 0.005;
     let fits = |photo: UVec2| {
@@ -345,7 +372,9 @@ fn check_shape(path: &Path, lens: &Lens, stored: UVec2) -> Result<Option<String>
             ));
         }
         (false, None) => {
-            return Err(format!("{sizes}: give the photos the poses were made from, not rotated or cropped"));
+            return Err(format!(
+                "{sizes}: give the photos the poses were made from, not rotated or cropped"
+            ));
         }
     }
     Ok(Some(format!("{sizes}; the camera was scaled")))
@@ -377,12 +406,15 @@ fn find_masks(found: &mut FoundDataset, options: &DatasetOptions) {
     for photo in found.photos.iter_mut().filter(|photo| photo.mask.is_none()) {
         let beside = folder.join(&photo.name);
         let appended = folder.join(format!("{}.png", photo.name));
-        photo.mask = [beside.with_extension("png"), appended].into_iter().find(|path| path.is_file());
+        photo.mask =
+            [beside.with_extension("png"), appended].into_iter().find(|path| path.is_file());
         without += usize::from(photo.mask.is_none());
     }
     if without > 0 {
         let total = found.photos.len();
-        found.warnings.push(format!("{without} of {total} photos have no picture in {}", folder.display()));
+        found
+            .warnings
+            .push(format!("{without} of {total} photos have no picture in {}", folder.display()));
     }
 }
 
@@ -390,14 +422,16 @@ fn find_masks(found: &mut FoundDataset, options: &DatasetOptions) {
 fn leave_out_far(found: &mut FoundDataset) {
     let centers: Vec<DVec3> = found.photos.iter().map(FoundPhoto::center).collect();
     let usual = |values: Vec<f64>| median(values, f64::total_cmp).unwrap_or(0.0);
-    let middle = DVec3::from([0, 1, 2].map(|axis| usual(centers.iter().map(|c| c[axis]).collect())));
+    let middle =
+        DVec3::from([0, 1, 2].map(|axis| usual(centers.iter().map(|c| c[axis]).collect())));
     let distances: Vec<f64> = centers.iter().map(|center| center.distance(middle)).collect();
     let mut scale = usual(distances.clone());
     let farthest = distances.iter().copied().fold(0.0, f64::max);
     if centers.len() < LEAST_POSES || scale == 0.0 || farthest <= FAR * scale {
         return;
     }
-    let points: Vec<f64> = found.points.iter().map(|point| point.position.distance(middle)).collect();
+    let points: Vec<f64> =
+        found.points.iter().map(|point| point.position.distance(middle)).collect();
     // Without points a walk beside a tripod looks the same.
     scale = if points.is_empty() { 10.0 * scale } else { scale.max(usual(points)) };
     let total = centers.len();
@@ -418,7 +452,9 @@ fn leave_out_far(found: &mut FoundDataset) {
 fn check_extent(found: &FoundDataset) -> Result<()> {
     let Some(first) = found.photos.first().map(FoundPhoto::center) else { return Ok(()) };
     let distances = found.photos.iter().map(|photo| (photo.center().distance(first), &photo.name));
-    let Some((distance, name)) = distances.max_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(()) };
+    let Some((distance, name)) = distances.max_by(|a, b| a.0.total_cmp(&b.0)) else {
+        return Ok(());
+    };
     if distance <= MAX_DISTANCE {
         return Ok(());
     }
@@ -436,7 +472,8 @@ fn origin_of(found: &FoundDataset) -> DVec3 {
     let count = centers.len().max(1) as f64;
     let middle = centers.iter().sum::<DVec3>() / count;
     let extent = (centers.iter().map(|c| c.distance_squared(middle)).sum::<f64>() / count).sqrt();
-    let distances = found.points.iter().map(|point| point.position.distance(middle) as f32).collect();
+    let distances =
+        found.points.iter().map(|point| point.position.distance(middle) as f32).collect();
     far_origin(middle, extent.max(median(distances, f32::total_cmp).map_or(0.0, f64::from)))
 }
 
@@ -459,7 +496,8 @@ fn keep_points(found: Vec<FoundPoint>, dataset: &mut Dataset) {
     }
     let cameras: Vec<Camera> = dataset.views.iter().map(|view| view.camera).collect();
     let (beyond, horizon) = bring_to_horizon(&mut dataset.points, &cameras);
-    let (kept, warnings) = (dataset.points.len(), &mut dataset.warnings);
+    let kept = dataset.points.len();
+    let warnings = &mut dataset.warnings;
     if beyond > 0 {
         warnings.push(format!(
             "{beyond} of {kept} points are farther away than {horizon:.0} units, where no two photos differ by a pixel: they are brought to that distance"

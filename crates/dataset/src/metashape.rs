@@ -124,14 +124,18 @@ fn check_depth(text: &str) -> Result<(), String> {
             Ok(_) => {}
         }
     }
-    Err(format!("elements are nested more than {MAX_DEPTH} deep at byte {}", reader.buffer_position()))
+    Err(format!(
+        "elements are nested more than {MAX_DEPTH} deep at byte {}",
+        reader.buffer_position()
+    ))
 }
 
 /// Reads `file` and finds its photos.
 pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
     let text = input::read_text(file, &options.limits)?;
     let wrong = |fault: String| {
-        let reason = format!("is not Metashape's list of cameras: {fault}; export it as Agisoft XML");
+        let reason =
+            format!("is not Metashape's list of cameras: {fault}; export it as Agisoft XML");
         Error::malformed(file, "XML", reason)
     };
     check_depth(&text).map_err(wrong)?;
@@ -148,12 +152,17 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     for camera in all.iter().filter(used) {
         let at = format!("camera `{}`", camera.label);
         let wrong = |reason: String| Error::malformed(file, &at, reason);
-        let sensor = sensors.sensor.iter().find(|sensor| camera.sensor.is_none_or(|id| sensor.id == id));
-        let lens =
-            sensor.ok_or_else(|| wrong("its sensor is not in the file".into()))?.lens().map_err(wrong)?;
-        let numbers = numbers::<16>(camera.transform.as_deref().unwrap_or_default()).map_err(wrong)?;
+        let sensor =
+            sensors.sensor.iter().find(|sensor| camera.sensor.is_none_or(|id| sensor.id == id));
+        let lens = sensor
+            .ok_or_else(|| wrong("its sensor is not in the file".into()))?
+            .lens()
+            .map_err(wrong)?;
+        let numbers =
+            numbers::<16>(camera.transform.as_deref().unwrap_or_default()).map_err(wrong)?;
         let to_world = place * DMat4::from_cols_array(&numbers).transpose();
-        let (rotation, center) = (DMat3::from_mat4(to_world), to_world.w_axis.truncate());
+        let rotation = DMat3::from_mat4(to_world);
+        let center = to_world.w_axis.truncate();
         let scale = rotation.determinant().cbrt();
         let proper = scale > 1e-12 && center.is_finite();
         if !proper {
@@ -161,18 +170,28 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
         }
         let path = files.find(&at, &camera.label)?;
         let rotation = (rotation * (1.0 / scale)).transpose();
-        let (name, translation) = (files.name_of(&path), -(rotation * center));
+        let name = files.name_of(&path);
+        let translation = -(rotation * center);
         photos.push(FoundPhoto::posed(name, path, (rotation, translation), lens));
     }
     if photos.is_empty() {
-        return Err(Error::malformed(file, "cameras", "none has a pose; align the photos before the export"));
+        return Err(Error::malformed(
+            file,
+            "cameras",
+            "none has a pose; align the photos before the export",
+        ));
     }
     let mut warnings = Vec::new();
     if photos.len() < all.len() {
-        let (without, total) = (all.len() - photos.len(), all.len());
-        warnings.push(format!("{without} of {total} photos left out: they are not aligned, or disabled"));
+        let without = all.len() - photos.len();
+        let total = all.len();
+        warnings.push(format!(
+            "{without} of {total} photos left out: they are not aligned, or disabled"
+        ));
     }
-    let (kind, list, points) = (DatasetKind::Metashape, file.to_owned(), Vec::new());
+    let kind = DatasetKind::Metashape;
+    let list = file.to_owned();
+    let points = Vec::new();
     Ok(FoundDataset { kind, root, list, photos, points, warnings })
 }
 
@@ -232,7 +251,8 @@ impl Place {
 
 /// The numbers of a text.
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
-    let numbers: Vec<f64> = text.split_whitespace().map(|word| word.parse().unwrap_or(f64::NAN)).collect();
+    let numbers: Vec<f64> =
+        text.split_whitespace().map(|word| word.parse().unwrap_or(f64::NAN)).collect();
     let finite = numbers.iter().all(|number| number.is_finite());
     numbers
         .try_into()

@@ -151,7 +151,9 @@ mod tests {
 
     #[test]
     fn colours_survive_being_written() {
-        for (text, rgb) in [("black", [0, 0, 0]), ("white", [255; 3]), ("#1e90ff", [0x1e, 0x90, 0xff])] {
+        for (text, rgb) in
+            [("black", [0, 0, 0]), ("white", [255; 3]), ("#1e90ff", [0x1e, 0x90, 0xff])]
+        {
             let background: Background = text.parse().unwrap();
             assert_eq!(background, Background(rgb));
             assert_eq!(background.to_string(), text);

@@ -225,7 +225,8 @@ pub(super) fn check_mask(path: &Path, photo: &Path, size: UVec2, wanted: UVec2) 
     if size == wanted {
         return Ok(());
     }
-    let (photo, want) = (photo.display(), wanted);
+    let photo = photo.display();
+    let want = wanted;
     let reason = format!("is {}x{}, the photo {photo} is {}x{}", size.x, size.y, want.x, want.y);
     Err(Error::malformed(path, "size", format!("{reason}; a mask must be as large as its photo")))
 }
@@ -283,11 +284,17 @@ mod tests {
         let picture = |seed: u8, size: UVec2, alpha: bool| {
             let count = (size.x * size.y) as usize;
             let rgb = (0..count).map(|i| [seed, i as u8, (i / 3) as u8]).collect();
-            RgbImage { size, rgb, alpha: alpha.then(|| (0..count).map(|i| (7 * i) as u8).collect()) }
+            RgbImage {
+                size,
+                rgb,
+                alpha: alpha.then(|| (0..count).map(|i| (7 * i) as u8).collect()),
+            }
         };
-        let (a, b) = (picture(1, UVec2::new(5, 3), false), picture(2, UVec2::new(2, 9), true));
+        let a = picture(1, UVec2::new(5, 3), false);
+        let b = picture(2, UVec2::new(2, 9), true);
         let file = PictureFile::default();
-        let (at_a, at_b) = (file.put(&a).unwrap(), file.put(&b).unwrap());
+        let at_a = file.put(&a).unwrap();
+        let at_b = file.put(&b).unwrap();
         for _ in 0..2 {
             assert_eq!(file.get(at_b).unwrap(), b);
             assert_eq!(file.get(at_a).unwrap(), a);

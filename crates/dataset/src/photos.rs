@@ -68,10 +68,13 @@ impl Photos {
     pub fn new(photos: Vec<Photo>, budget_bytes: u64) -> Self {
         let slots = photos.iter().map(|_| PhotoSlot::default()).collect();
         let state = Mutex::new(LoaderState { slots, ..LoaderState::default() });
-        let (cache, work, decoded) = (PictureFile::default(), Condvar::new(), Condvar::new());
+        let cache = PictureFile::default();
+        let work = Condvar::new();
+        let decoded = Condvar::new();
         let shared = Arc::new(Loader { photos, budget_bytes, cache, state, work, decoded });
         // Drawn pictures need no threads, and some systems have none.
-        let needed = if shared.photos.iter().all(|photo| photo.held().is_some()) { 0 } else { WORKERS };
+        let needed =
+            if shared.photos.iter().all(|photo| photo.held().is_some()) { 0 } else { WORKERS };
         let start = |_| {
             let shared = Arc::clone(&shared);
             std::thread::Builder::new().spawn(move || shared.work_until_stopped())
@@ -172,10 +175,15 @@ impl Loader {
     }
 
     /// Decodes photo `i`, or reads it back, without the lock.
-    fn load<'a>(&'a self, mut state: MutexGuard<'a, LoaderState>, i: usize) -> MutexGuard<'a, LoaderState> {
+    fn load<'a>(
+        &'a self,
+        mut state: MutexGuard<'a, LoaderState>,
+        i: usize,
+    ) -> MutexGuard<'a, LoaderState> {
         state.slots[i].loading = true;
         self.evict(&mut state, i);
-        let (cached, digest) = (state.slots[i].cached, state.slots[i].digest);
+        let cached = state.slots[i].cached;
+        let digest = state.slots[i].digest;
         drop(state);
         let cached = cached.and_then(|place| self.cache.get(place).ok());
         let decodes = cached.is_none() && !self.photos[i].is_stored();
@@ -246,7 +254,9 @@ impl Loader {
         let loading = self.loading_bytes(state);
         while state.resident_bytes + loading > self.budget_bytes {
             let soon = |i: usize| {
-                i == newest || state.wanted == Some(i) || state.queue.iter().take(WORKERS).any(|&e| e == i)
+                i == newest
+                    || state.wanted == Some(i)
+                    || state.queue.iter().take(WORKERS).any(|&e| e == i)
             };
             let resident = |slot: &PhotoSlot| matches!(slot.pixels, Some(Ok(_)));
             let oldest = (0..state.slots.len())
@@ -312,7 +322,10 @@ mod tests {
                 }
             }
             assert_eq!(photos.decoded(), 20, "budget {budget}");
-            assert!((0..20).all(|i| photos.digest(i) == Some(pixels(i).digest())), "budget {budget}");
+            assert!(
+                (0..20).all(|i| photos.digest(i) == Some(pixels(i).digest())),
+                "budget {budget}"
+            );
             let resident = photos.shared.lock().resident_bytes;
             assert!(resident <= budget + (WORKERS as u64 + 1) * one, "{resident} of {budget}");
         }

@@ -70,10 +70,13 @@ pub fn random_points(views: &[&View], count: usize, seed: u64) -> Vec<Point> {
     let distance = looking_distance(views);
     let point = |index: usize| {
         let view = views[index % views.len()];
-        let place =
-            |attempt: u64| on_ray(view, distance, Rng::new(seed, "random cloud", attempt), index as u64);
+        let place = |attempt: u64| {
+            on_ray(view, distance, Rng::new(seed, "random cloud", attempt), index as u64)
+        };
         let shared = |at: &Vec3| {
-            views.iter().any(|other| !std::ptr::eq(*other, view) && other.camera.shows(*at).is_some())
+            views
+                .iter()
+                .any(|other| !std::ptr::eq(*other, view) && other.camera.shows(*at).is_some())
         };
         let position = (0..TRIES).map(place).find(shared).unwrap_or_else(|| place(0));
         Point { position, rgb: [128; 3], error: None }
@@ -175,14 +178,16 @@ mod tests {
             [255, 0, 17],
             "bytes may be written with a point"
         );
-        let error = read_bytes(text.replace("float z", "float w").as_bytes()).err().unwrap().to_string();
+        let error =
+            read_bytes(text.replace("float z", "float w").as_bytes()).err().unwrap().to_string();
         assert!(error.contains("element vertex") && error.contains("no property z"), "{error}");
     }
 
     #[test]
     fn points_at_infinity_come_to_the_horizon_and_stay_in_their_pixels() {
         let turn = |i: usize| Vec3::new((i as f32).cos(), 0.3, (i as f32).sin());
-        let camera = |i| Camera::look_at(4.0 * turn(i), Vec3::ZERO, Vec3::Y, 0.8, UVec2::splat(300));
+        let camera =
+            |i| Camera::look_at(4.0 * turn(i), Vec3::ZERO, Vec3::Y, 0.8, UVec2::splat(300));
         let cameras: Vec<Camera> = (0..6).map(camera).collect();
         let point = |i: usize| Point { position: -turn(7 * i), rgb: [0; 3], error: None };
         let mut points: Vec<Point> = (0..90).map(point).collect();
@@ -209,7 +214,11 @@ mod tests {
             }
             assert!(seen > 0, "no camera shows a far point");
         }
-        assert_eq!(bring_to_horizon(&mut points, &cameras[..1]).0, 0, "one camera tells no distance");
+        assert_eq!(
+            bring_to_horizon(&mut points, &cameras[..1]).0,
+            0,
+            "one camera tells no distance"
+        );
     }
 
     #[test]

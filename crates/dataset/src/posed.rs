@@ -52,8 +52,9 @@ impl View {
     /// Errors: a part that is empty or outside the picture.
     pub fn cropped(&self, corner: UVec2, size: UVec2) -> Result<Self> {
         let whole = self.camera.size;
-        let fits =
-            |a: usize| size[a] > 0 && corner[a].checked_add(size[a]).is_some_and(|end| end <= whole[a]);
+        let fits = |a: usize| {
+            size[a] > 0 && corner[a].checked_add(size[a]).is_some_and(|end| end <= whole[a])
+        };
         if !fits(0) || !fits(1) {
             let part = format!("{}x{} px at {},{}", size.x, size.y, corner.x, corner.y);
             let wants = format!("a part of the {}x{} px of `{}`", whole.x, whole.y, self.name);
@@ -145,7 +146,9 @@ impl Dataset {
     pub fn up_axis(&self) -> UpAxis {
         match self.kind {
             DatasetKind::ColmapBinary | DatasetKind::ColmapText | DatasetKind::Llff => UpAxis::NegY,
-            DatasetKind::Transforms | DatasetKind::Metashape | DatasetKind::RealityScan => UpAxis::Z,
+            DatasetKind::Transforms | DatasetKind::Metashape | DatasetKind::RealityScan => {
+                UpAxis::Z
+            }
             DatasetKind::Drawn => UpAxis::Y,
         }
     }
@@ -192,7 +195,8 @@ pub struct ShrunkSize(UVec2);
 impl ShrunkSize {
     /// Of some views; `None` if every photo is as large as its file.
     pub fn of<'a>(views: impl IntoIterator<Item = &'a View>) -> Option<Self> {
-        let shrunk = views.into_iter().filter(|view| view.photo.is_shrunk()).map(|view| view.photo.size);
+        let shrunk =
+            views.into_iter().filter(|view| view.photo.is_shrunk()).map(|view| view.photo.size);
         shrunk.max_by_key(|size| u64::from(size.x) * u64::from(size.y)).map(Self)
     }
 
@@ -212,8 +216,9 @@ impl FromStr for ShrunkSize {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let sides =
-            text.split_once('x').and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
+        let sides = text
+            .split_once('x')
+            .and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
         sides.map(Self).ok_or_else(|| "is not a width and a height, as in 320x213".to_owned())
     }
 }
@@ -260,7 +265,11 @@ impl Split {
     pub fn some_of(self, dataset: &Dataset) -> Result<Vec<&View>> {
         let views = self.of(dataset);
         if views.is_empty() {
-            return Err(Error::invalid("split", self.name(), "a part that holds photos: train or all"));
+            return Err(Error::invalid(
+                "split",
+                self.name(),
+                "a part that holds photos: train or all",
+            ));
         }
         Ok(views)
     }
@@ -298,7 +307,8 @@ pub(super) fn hold_out(dataset: &mut Dataset, root: &Path, options: &DatasetOpti
 
 /// Holds out the photos named in `text`, one per line, with or without their file extension.
 fn by_list(dataset: &mut Dataset, list: &Path, text: &str) -> Result<()> {
-    let named: HashSet<&str> = text.lines().map(str::trim).filter(|name| !name.is_empty()).collect();
+    let named: HashSet<&str> =
+        text.lines().map(str::trim).filter(|name| !name.is_empty()).collect();
     let mut matched = HashSet::new();
     for view in &mut dataset.views {
         let photo = views::photo(&view.name);
@@ -310,13 +320,18 @@ fn by_list(dataset: &mut Dataset, list: &Path, text: &str) -> Result<()> {
     if let Some(missing) = named.iter().filter(|name| !matched.contains(*name)).min() {
         let count = named.len() - matched.len();
         if matched.is_empty() {
-            let reason = format!("none of its {count} names is a photo of the data set (`{missing}`)");
-            return Err(Error::malformed(list, "names", format!("{reason}; correct or remove the file")));
+            let reason =
+                format!("none of its {count} names is a photo of the data set (`{missing}`)");
+            return Err(Error::malformed(
+                list,
+                "names",
+                format!("{reason}; correct or remove the file"),
+            ));
         }
         let of = named.len();
-        dataset
-            .warnings
-            .push(format!("test.txt: {count} of {of} names are not photos of the data set (`{missing}`)"));
+        dataset.warnings.push(format!(
+            "test.txt: {count} of {of} names are not photos of the data set (`{missing}`)"
+        ));
     }
     all_held_out(dataset, list)
 }
@@ -332,7 +347,8 @@ fn spellings(name: &str) -> [Option<&str>; 4] {
 
 fn all_held_out(dataset: &Dataset, source: &Path) -> Result<()> {
     if dataset.views.iter().all(|view| view.test) {
-        let reason = "every photo is held out, none is left to train on; name fewer, or give `test_every` 0";
+        let reason =
+            "every photo is held out, none is left to train on; name fewer, or give `test_every` 0";
         return Err(Error::unsupported(source, reason));
     }
     Ok(())

@@ -40,7 +40,8 @@ pub(super) fn locate(root: &Path) -> Option<PathBuf> {
     let is_table = |path: &PathBuf| {
         let is_csv = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
         let mut start = [0; 5];
-        let read = |mut file: std::fs::File| std::io::Read::read_exact(&mut file, &mut start).is_ok();
+        let read =
+            |mut file: std::fs::File| std::io::Read::read_exact(&mut file, &mut start).is_ok();
         is_csv && std::fs::File::open(path).is_ok_and(read) && &start == b"#name"
     };
     let mut tables: Vec<PathBuf> =
@@ -52,15 +53,19 @@ pub(super) fn locate(root: &Path) -> Option<PathBuf> {
 /// Reads `file` and finds its photos.
 pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
     let text = input::read_text(file, &options.limits)?;
-    let wrong = |line: usize, reason: String| Error::malformed(file, format!("line {}", line + 1), reason);
-    let mut lines =
-        text.trim_start_matches('\u{feff}').lines().map(str::trim).enumerate().filter(|(_, l)| !l.is_empty());
+    let wrong =
+        |line: usize, reason: String| Error::malformed(file, format!("line {}", line + 1), reason);
+    let mut lines = text
+        .trim_start_matches('\u{feff}')
+        .lines()
+        .map(str::trim)
+        .enumerate()
+        .filter(|(_, l)| !l.is_empty());
     let head = lines.next().and_then(|(_, line)| line.strip_prefix('#')).unwrap_or_default();
     let head: Vec<&str> = head.split(',').map(str::trim).collect();
     let places = COLUMNS.map(|names| head.iter().position(|have| names.contains(have)));
     if head[0] != "name" || places[..7].contains(&None) {
-        let reason =
-            "expected #name,x,y,alt,yaw,pitch,roll,f_35mm, ...: export `Internal/External camera parameters`";
+        let reason = "expected #name,x,y,alt,yaw,pitch,roll,f_35mm, ...: export `Internal/External camera parameters`";
         return Err(wrong(0, reason.into()));
     }
     let root = file.parent().unwrap_or(Path::new("")).to_owned();
@@ -74,7 +79,9 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
                 .get(at)
                 .and_then(|word| word.parse().ok())
                 .filter(|n: &f64| n.is_finite())
-                .ok_or_else(|| wrong(index, format!("{} of `{}` is not a number", head[at], words[0]))),
+                .ok_or_else(|| {
+                    wrong(index, format!("{} of `{}` is not a number", head[at], words[0]))
+                }),
         };
         let mut numbers = [0.0; COLUMNS.len()];
         for (number_at, place) in numbers.iter_mut().zip(places) {
@@ -89,7 +96,9 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     }
     check_places(file, &photos)?;
     let warnings = files.warnings().collect();
-    let (kind, list, points) = (DatasetKind::RealityScan, file.to_owned(), Vec::new());
+    let kind = DatasetKind::RealityScan;
+    let list = file.to_owned();
+    let points = Vec::new();
     Ok(FoundDataset { kind, root, list, photos, points, warnings })
 }
 
@@ -97,8 +106,9 @@ fn photo(name: String, path: PathBuf, numbers: &[f64; 15], options: &DatasetOpti
     let &[x, y, z, heading, pitch, roll, f, px, py, k1, k2, k3, k4, t1, t2] = numbers;
     let [heading, pitch, roll] = [heading, pitch, roll].map(f64::to_radians);
     // Right, up, backwards in the world.
-    let turn =
-        DMat3::from_rotation_z(-heading) * DMat3::from_rotation_x(pitch) * DMat3::from_rotation_y(roll);
+    let turn = DMat3::from_rotation_z(-heading)
+        * DMat3::from_rotation_x(pitch)
+        * DMat3::from_rotation_y(roll);
     let to_world = DMat3::from_cols(turn.x_axis, -turn.y_axis, -turn.z_axis);
     // The header is read again with the photo, which is an error then if it is broken.
     let size = RgbImage::size_of(&path, &options.limits).ok();
@@ -110,7 +120,11 @@ fn photo(name: String, path: PathBuf, numbers: &[f64; 15], options: &DatasetOpti
         focal: [Some(f / FILM * scale); 2],
         angle: [None; 2],
         center: center.to_array().map(Some),
-        distortion: Distortion { radial: [k1, k2, k3, k4], tangential: [t2, t1], ..Distortion::default() },
+        distortion: Distortion {
+            radial: [k1, k2, k3, k4],
+            tangential: [t2, t1],
+            ..Distortion::default()
+        },
     };
     let rotation = to_world.transpose();
     let translation = -(rotation * DVec3::new(x, y, z));
@@ -124,9 +138,12 @@ fn check_places(file: &Path, photos: &[FoundPhoto]) -> Result<()> {
     let high = places().fold(DVec3::NEG_INFINITY, DVec3::max);
     let on_earth = low.x >= -180.0 && high.x <= 180.0 && low.y >= -90.0 && high.y <= 90.0;
     let near = (high - low).truncate().max_element() < 0.05 && low.truncate().length() > 1.0;
-    if photos.len() > 1 && on_earth && near && high.z - low.z > 20.0 * (high - low).truncate().max_element() {
-        let reason =
-            "x and y are degrees of longitude and latitude; export in a local or metric coordinate system";
+    if photos.len() > 1
+        && on_earth
+        && near
+        && high.z - low.z > 20.0 * (high - low).truncate().max_element()
+    {
+        let reason = "x and y are degrees of longitude and latitude; export in a local or metric coordinate system";
         return Err(Error::malformed(file, "x, y", reason));
     }
     Ok(())

@@ -45,20 +45,26 @@ pub(super) fn are_silhouettes(views: &[View], points: &[Point]) -> bool {
 fn agree(seen: &[Sight], points: usize) -> bool {
     let cells = (CELLS * CELLS) as usize;
     let mean = |of: &dyn Fn(usize) -> f64| (0..cells).map(of).sum::<f64>() / cells as f64;
-    let usual = |cell: usize| seen.iter().map(|sight| sight.masked[cell]).sum::<f64>() / seen.len() as f64;
+    let usual =
+        |cell: usize| seen.iter().map(|sight| sight.masked[cell]).sum::<f64>() / seen.len() as f64;
     let area = mean(&usual);
     let change = |sight: &Sight| mean(&|cell| (sight.masked[cell] - usual(cell)).abs());
     let change = seen.iter().map(change).sum::<f64>() / seen.len() as f64;
     if area < LEAST_AREA || change < LEAST_CHANGE * area {
         return false;
     }
-    let (mut objects, mut shown, mut masked) = (0, 0u64, 0u64);
+    let mut objects = 0;
+    let mut shown = 0u64;
+    let mut masked = 0u64;
     for point in 0..points {
         let sights = || seen.iter().filter_map(|sight| sight.keeps[point]);
-        let (all, kept) = (sights().count() as u64, sights().filter(|keeps| *keeps).count() as u64);
+        let all = sights().count() as u64;
+        let kept = sights().filter(|keeps| *keeps).count() as u64;
         // Points of the background are masked more often by the silhouettes of an object before them.
         if all >= LEAST_SIGHTS && 4 * kept >= 3 * all {
-            (objects, shown, masked) = (objects + 1, shown + all, masked + all - kept);
+            objects = objects + 1;
+            shown = shown + all;
+            masked = masked + all - kept;
         }
     }
     objects >= LEAST_POINTS && (masked as f64) < MOST_MASKED * area * shown as f64

@@ -44,7 +44,10 @@ struct FrameRow {
 
 /// The file of a folder: all frames, or the training frames.
 pub(super) fn locate(root: &Path) -> Option<PathBuf> {
-    ["transforms.json", "transforms_train.json"].map(|f| root.join(f)).into_iter().find(|f| f.is_file())
+    ["transforms.json", "transforms_train.json"]
+        .map(|f| root.join(f))
+        .into_iter()
+        .find(|f| f.is_file())
 }
 
 /// Reads `file`, and beside it the held-out frames of `transforms_test.json`, or else of
@@ -64,25 +67,39 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     let mut warnings: Vec<String> = files.warnings().collect();
     warnings.extend(split(file, &transforms, &mut frames)?);
     let held_out = ["transforms_test.json", "transforms_val.json"].map(|name| root.join(name));
-    if let Some(other) = held_out.iter().find(|other| other.is_file()).filter(|other| *other != file) {
+    if let Some(other) =
+        held_out.iter().find(|other| other.is_file()).filter(|other| *other != file)
+    {
         warnings.extend(add_held_out(&mut frames, other, &root, options)?);
     }
     if frames.is_empty() {
-        return Err(Error::malformed(file, "frames", "is empty; a data set needs at least one photo"));
+        return Err(Error::malformed(
+            file,
+            "frames",
+            "is empty; a data set needs at least one photo",
+        ));
     }
-    let (kind, list, photos) = (DatasetKind::Transforms, file.to_owned(), frames);
+    let kind = DatasetKind::Transforms;
+    let list = file.to_owned();
+    let photos = frames;
     Ok(FoundDataset { kind, root, list, photos, points, warnings })
 }
 
 /// Holds out the photos that the file's own lists name, and leaves out those in none of them. Returns a warning.
-fn split(file: &Path, transforms: &Transforms, frames: &mut Vec<FoundPhoto>) -> Result<Option<String>> {
+fn split(
+    file: &Path,
+    transforms: &Transforms,
+    frames: &mut Vec<FoundPhoto>,
+) -> Result<Option<String>> {
     let Transforms { train_filenames, val_filenames, test_filenames, .. } = transforms;
     let some = |list: &&Vec<String>| !list.is_empty();
     let held_out = test_filenames.as_ref().filter(some).or(val_filenames.as_ref().filter(some));
     let set = |list: &Vec<String>| list.iter().map(|name| plain(name)).collect::<HashSet<String>>();
-    let (train, held_out) = (train_filenames.as_ref().filter(some).map(set), held_out.map(set));
+    let train = train_filenames.as_ref().filter(some).map(set);
+    let held_out = held_out.map(set);
     let mut names = transforms.frames.iter().map(|row| plain(&row.file_path));
-    let (total, mut matched) = (frames.len(), 0);
+    let total = frames.len();
+    let mut matched = 0;
     frames.retain_mut(|photo| {
         let name = names.next().unwrap_or_default();
         photo.held_out = held_out.as_ref().is_some_and(|list| list.contains(&name));
@@ -107,8 +124,10 @@ fn plain(name: &str) -> String {
 /// The cloud that `file` names.
 fn points(file: &Path, ply: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
     if !ply.exists() {
-        let reason =
-            format!("{} does not exist; restore it, or remove the key to have points found", ply.display());
+        let reason = format!(
+            "{} does not exist; restore it, or remove the key to have points found",
+            ply.display()
+        );
         return Err(Error::malformed(file, "ply_file_path", reason));
     }
     read_ply(ply, limits)
@@ -129,13 +148,18 @@ fn parse(file: &Path, limits: &Limits) -> Result<Transforms> {
 
 /// The text with Python's NaN and Infinity as strings, which are refused where a number is used.
 fn quoted(text: &str) -> String {
-    let (mut out, mut rest, mut inside) = (String::with_capacity(text.len()), text, false);
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text;
+    let mut inside = false;
     while let Some(first) = rest.chars().next() {
-        let word =
-            ["NaN", "-Infinity", "Infinity"].into_iter().find(|word| !inside && rest.starts_with(word));
+        let word = ["NaN", "-Infinity", "Infinity"]
+            .into_iter()
+            .find(|word| !inside && rest.starts_with(word));
         let taken = match word {
             Some(word) => word.len(),
-            None if first == '\\' => first.len_utf8() + rest[1..].chars().next().map_or(0, char::len_utf8),
+            None if first == '\\' => {
+                first.len_utf8() + rest[1..].chars().next().map_or(0, char::len_utf8)
+            }
             None => first.len_utf8(),
         };
         inside ^= first == '"';
@@ -178,16 +202,21 @@ fn frame(
     row: &FrameRow,
     shared: &Map<String, Value>,
 ) -> Result<FoundPhoto> {
-    let (file, place) = (files.list, format!("frame {index} `{}`", plain(&row.file_path)));
+    let file = files.list;
+    let place = format!("frame {index} `{}`", plain(&row.file_path));
     let path = files.find(&place, &row.file_path)?;
     let mask = row.mask_path.as_ref().map(|mask| files.find(&place, mask)).transpose()?;
     let bad = |reason: String| Error::malformed(file, &place, reason);
-    let (name, keys) = (files.name_of(&path), Keys { own: &row.own, shared });
-    let matrix: Vec<Vec<f64>> =
-        keys.value("transform_matrix").map_err(bad)?.ok_or_else(|| bad("has no transform_matrix".into()))?;
+    let name = files.name_of(&path);
+    let keys = Keys { own: &row.own, shared };
+    let matrix: Vec<Vec<f64>> = keys
+        .value("transform_matrix")
+        .map_err(bad)?
+        .ok_or_else(|| bad("has no transform_matrix".into()))?;
     let pose = pose(&matrix).map_err(bad)?;
-    let lens =
-        keys.lens(keys.projection().map_err(|reason| Error::unsupported(file, reason))?).map_err(bad)?;
+    let lens = keys
+        .lens(keys.projection().map_err(|reason| Error::unsupported(file, reason))?)
+        .map_err(bad)?;
     Ok(FoundPhoto { mask, ..FoundPhoto::posed(name, path, pose, lens) })
 }
 
@@ -211,7 +240,9 @@ fn pose(matrix: &[Vec<f64>]) -> Result<(DMat3, DVec3), String> {
     let rotation = axes * (1.0 / scale);
     let skew = rotation.transpose() * rotation - DMat3::IDENTITY;
     if skew.to_cols_array().iter().any(|x| x.abs() > 1e-3) {
-        return Err("transform_matrix is not a rotation: its columns are not at right angles".into());
+        return Err(
+            "transform_matrix is not a rotation: its columns are not at right angles".into()
+        );
     }
     let gl = orthonormal(rotation);
     let rotation = DMat3::from_cols(gl.x_axis, -gl.y_axis, -gl.z_axis).transpose();
@@ -236,7 +267,8 @@ struct Keys<'a> {
 impl Keys<'_> {
     /// A value that is not null.
     fn value<T: DeserializeOwned>(&self, key: &str) -> Result<Option<T>, String> {
-        let given = |values: &Map<String, Value>| values.get(key).filter(|value| !value.is_null()).cloned();
+        let given =
+            |values: &Map<String, Value>| values.get(key).filter(|value| !value.is_null()).cloned();
         let value = given(self.own).or_else(|| given(self.shared)).map(serde_json::from_value);
         value.transpose().map_err(|e| format!("{key}: {e}"))
     }
@@ -246,15 +278,25 @@ impl Keys<'_> {
         let place = [("fl_x", 0, 0), ("skew", 0, 1), ("cx", 0, 2), ("fl_y", 1, 1), ("cy", 1, 2)];
         let place = place.iter().find(|(name, ..)| *name == key);
         // A frame with its own focal length does not inherit the shared angle, and vice versa.
-        let own_focal = ["fl_x", "camera_angle_x", "K"].iter().any(|key| self.own.contains_key(*key));
-        let inherits = !(own_focal && ["fl_x", "fl_y", "camera_angle_x", "camera_angle_y"].contains(&key));
-        for values in [Some(self.own), Some(self.shared).filter(|_| inherits)].into_iter().flatten() {
-            let in_matrix = || place.and_then(|(_, row, column)| Some(&values.get("K")?[*row][*column]));
-            if let Some(value) = values.get(key).filter(|value| !value.is_null()).or_else(in_matrix) {
+        let own_focal =
+            ["fl_x", "camera_angle_x", "K"].iter().any(|key| self.own.contains_key(*key));
+        let inherits =
+            !(own_focal && ["fl_x", "fl_y", "camera_angle_x", "camera_angle_y"].contains(&key));
+        for values in [Some(self.own), Some(self.shared).filter(|_| inherits)].into_iter().flatten()
+        {
+            let in_matrix =
+                || place.and_then(|(_, row, column)| Some(&values.get("K")?[*row][*column]));
+            if let Some(value) = values.get(key).filter(|value| !value.is_null()).or_else(in_matrix)
+            {
                 // Python's NaN and Infinity, by now strings.
                 let none = value.is_string();
-                let why =
-                    |e| if none { format!("{key} is not a finite number") } else { format!("{key}: {e}") };
+                let why = |e| {
+                    if none {
+                        format!("{key} is not a finite number")
+                    } else {
+                        format!("{key}: {e}")
+                    }
+                };
                 return f64::deserialize(value).map(Some).map_err(why);
             }
         }
@@ -270,16 +312,22 @@ impl Keys<'_> {
                 return Err(format!("the f-theta lens of ftheta_p0 is not read; {remedy}"));
             }
             _ if is("equirectangular")? => {
-                return Err(format!("the equal-area panorama of `equirectangular` is not read; {remedy}"));
+                return Err(format!(
+                    "the equal-area panorama of `equirectangular` is not read; {remedy}"
+                ));
             }
             _ if is("latlong")? => Projection::Spherical,
             _ if is("is_fisheye")? => Projection::Fisheye,
             None
-            | Some("OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "perspective") => {
-                Projection::Perspective
-            }
+            | Some(
+                "OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL"
+                | "perspective",
+            ) => Projection::Perspective,
             Some("EQUIRECTANGULAR" | "SPHERICAL" | "equirectangular") => Projection::Spherical,
-            Some(name) if name.to_ascii_uppercase().ends_with("FISHEYE") && !name.starts_with("RAD_TAN") => {
+            Some(name)
+                if name.to_ascii_uppercase().ends_with("FISHEYE")
+                    && !name.starts_with("RAD_TAN") =>
+            {
                 Projection::Fisheye
             }
             Some(other) => return Err(format!("camera_model {other} is not read; {remedy}")),
@@ -305,8 +353,9 @@ impl Keys<'_> {
             projection,
             limit: None,
         };
-        let radius =
-            number("fisheye_crop_radius")?.zip(focal[0]).map(|(radius, f)| DVec2::new(radius / f, 0.0));
+        let radius = number("fisheye_crop_radius")?
+            .zip(focal[0])
+            .map(|(radius, f)| DVec2::new(radius / f, 0.0));
         distortion.limit = radius.and_then(|at| Some(distortion.undistort(at)?.length()));
         let angle = [number("camera_angle_x")?, number("camera_angle_y")?];
         Ok(LensClaim { size, focal, angle, center: [number("cx")?, number("cy")?], distortion })

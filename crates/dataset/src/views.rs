@@ -41,7 +41,8 @@ pub(super) fn plans(lens: &Lens) -> Result<Vec<(&'static str, Option<Undistort>)
         Projection::Spherical => cube(),
         Projection::Fisheye => field.parts(),
     };
-    let plans: Vec<_> = parts.iter().filter_map(|part| Some((part.name, Some(field.plan(part)?)))).collect();
+    let plans: Vec<_> =
+        parts.iter().filter_map(|part| Some((part.name, Some(field.plan(part)?)))).collect();
     if plans.is_empty() {
         return Err("its lens shows nothing: its coefficients cannot be right".into());
     }
@@ -59,7 +60,8 @@ pub(super) fn name(photo: &str, part: &str) -> String {
 
 /// The name of the photo of a view.
 pub(super) fn photo(view: &str) -> String {
-    let (stem, extension) = view.rsplit_once('.').map_or((view, ""), |(stem, _)| (stem, &view[stem.len()..]));
+    let (stem, extension) =
+        view.rsplit_once('.').map_or((view, ""), |(stem, _)| (stem, &view[stem.len()..]));
     match stem.rsplit_once('@') {
         Some((photo, part)) if NAMES.contains(&part) => format!("{photo}{extension}"),
         _ => view.to_owned(),
@@ -93,10 +95,12 @@ struct Field<'a> {
 impl Field<'_> {
     /// True for a direction that the lens shows.
     fn shows(&self, ray: DVec3) -> bool {
-        let inside = |at: DVec2| at.cmpge(DVec2::ZERO).all() && at.cmple(self.lens.size.as_dvec2()).all();
+        let inside =
+            |at: DVec2| at.cmpge(DVec2::ZERO).all() && at.cmple(self.lens.size.as_dvec2()).all();
         match self.lens.distortion.projection {
             Projection::Fisheye => {
-                ray.angle_between(DVec3::Z) <= self.widest && self.lens.pixel(ray).is_some_and(inside)
+                ray.angle_between(DVec3::Z) <= self.widest
+                    && self.lens.pixel(ray).is_some_and(inside)
             }
             _ => self.lens.pixel(ray).is_some(),
         }
@@ -114,10 +118,13 @@ impl Field<'_> {
         let [left, right, up, down] =
             [DVec3::NEG_X, DVec3::X, DVec3::NEG_Y, DVec3::Y].map(|side| self.reach(side));
         let edge = |angle: f64| angle.min(WIDEST).tan();
-        let (low, high) = (DVec2::new(-edge(left), -edge(up)), DVec2::new(edge(right), edge(down)));
+        let low = DVec2::new(-edge(left), -edge(up));
+        let high = DVec2::new(edge(right), edge(down));
         let half = |name, to_lens, side: usize, angle: f64| {
-            let (mut low, mut high) = (low, high);
-            (low[side], high[side]) = (-edge(angle / 2.0), edge(angle / 2.0));
+            let mut low = low;
+            let mut high = high;
+            low[side] = -edge(angle / 2.0);
+            high[side] = edge(angle / 2.0);
             Part { name, to_lens, low, high }
         };
         match (left.max(right) > WIDEST, up.max(down) > WIDEST) {
@@ -139,14 +146,16 @@ impl Field<'_> {
         let step = (part.high - part.low) / CELLS as f64;
         let at = |x: usize, y: usize| part.low + step * DVec2::new(x as f64, y as f64);
         let side = CELLS + 1;
-        let corners: Vec<bool> =
-            (0..side * side).map(|i| self.shows(part.to_lens * at(i % side, i / side).extend(1.0))).collect();
+        let corners: Vec<bool> = (0..side * side)
+            .map(|i| self.shows(part.to_lens * at(i % side, i / side).extend(1.0)))
+            .collect();
         let whole = |x: usize, y: usize| {
             let first = y * side + x;
             [first, first + 1, first + side, first + side + 1].iter().all(|&i| corners[i])
         };
         let [left, top, right, bottom] = largest_rectangle(CELLS, whole)?;
-        let (low, high) = (at(left, top), at(right, bottom));
+        let low = at(left, top);
+        let high = at(right, bottom);
         let focal = self.lens.focal.element_product().sqrt();
         let size = ((high - low) * focal).round();
         if (high - low).min_element() < NARROWEST || size.min_element() < 1.0 {
@@ -154,7 +163,8 @@ impl Field<'_> {
         }
         // Whole pixels, and yet all of the rectangle.
         let focal = size / (high - low);
-        let (size, center) = (size.as_uvec2(), -low * focal);
+        let size = size.as_uvec2();
+        let center = -low * focal;
         let pinhole = Lens { size, focal, center, distortion: Default::default() };
         Some(Undistort { lens: *self.lens, pinhole, turn: part.to_lens.transpose() })
     }
@@ -162,7 +172,8 @@ impl Field<'_> {
 
 /// The largest upright rectangle of cells, `side` by `side`, that are all `whole`: left, top, right, bottom.
 fn largest_rectangle(side: usize, whole: impl Fn(usize, usize) -> bool) -> Option<[usize; 4]> {
-    let (mut best, mut area) = (None, 0);
+    let mut best = None;
+    let mut area = 0;
     let mut height = vec![0; side];
     for y in 0..side {
         (0..side).for_each(|x| height[x] = if whole(x, y) { height[x] + 1 } else { 0 });

@@ -62,20 +62,31 @@ pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
             check_loaded(&loaded, &mut findings);
         }
         // The checks of glTF files may have found the same fault.
-        Err(Error::Malformed { at, .. }) if findings.list.iter().any(|finding| finding.place == at) => {}
+        Err(Error::Malformed { at, .. })
+            if findings.list.iter().any(|finding| finding.place == at) => {}
         Err(error) => findings.take(error)?,
     }
     Ok(Checked { path: path.display().to_string(), format, triangles, findings: findings.list })
 }
 
 /// Reads Gaussians whole; what their reader says is found.
-fn check_splats(path: &Path, format: Format, source: Source, options: &ReadOptions) -> Result<Checked> {
+fn check_splats(
+    path: &Path,
+    format: Format,
+    source: Source,
+    options: &ReadOptions,
+) -> Result<Checked> {
     let mut findings = Findings::default();
     match read_splats(format, source, &ReadOptions { sh_degree: 3, ..*options }) {
         Ok(loaded) => loaded.warnings.iter().for_each(|warning| findings.warning("file", warning)),
         Err(error) => findings.take(error)?,
     }
-    Ok(Checked { path: path.display().to_string(), format, triangles: None, findings: findings.list })
+    Ok(Checked {
+        path: path.display().to_string(),
+        format,
+        triangles: None,
+        findings: findings.list,
+    })
 }
 
 fn check_loaded(loaded: &ImportedScene, findings: &mut Findings) {
@@ -98,19 +109,32 @@ const NAMED: usize = 3;
 pub(super) fn check_soup(soup: &Soup, findings: &mut Findings) {
     check_corners(soup.len(), |i| soup.vertices[i], findings);
     let bright = list(soup.len(), |i| !soup.rgb(i).iter().all(|c| (0.0..=1.0).contains(c)));
-    report(&bright, findings, Severity::Note, "have a colour outside 0 to 1, which the bake clamps");
+    report(
+        &bright,
+        findings,
+        Severity::Note,
+        "have a colour outside 0 to 1, which the bake clamps",
+    );
 }
 
 pub(super) fn check_mesh(mesh: &Mesh, findings: &mut Findings) {
     check_corners(mesh.face_count(), |face| mesh.corners(face), findings);
     let faint = list(mesh.opacity.len(), |face| mesh.opacity[face] < 1.0);
-    report(&faint, findings, Severity::Warning, "are translucent: engines sort and blend them per object");
+    report(
+        &faint,
+        findings,
+        Severity::Warning,
+        "are translucent: engines sort and blend them per object",
+    );
     if let Some(texture) = &mesh.texture {
         let sizes = texture.pages.iter().map(|page| page.size());
         if let Some(size) = sizes.max_by_key(|size| size.max_element())
             && size.max_element() > LARGEST_TEXTURE
         {
-            let what = format!("{}x{} texels: phones draw {LARGEST_TEXTURE} a side at most", size.x, size.y);
+            let what = format!(
+                "{}x{} texels: phones draw {LARGEST_TEXTURE} a side at most",
+                size.x, size.y
+            );
             findings.warning("texture", what);
         }
     }
@@ -121,16 +145,26 @@ pub(super) fn check_mesh(mesh: &Mesh, findings: &mut Findings) {
         mesh.indices.iter().for_each(|&v| used[v as usize] = true);
         let unused = used.iter().filter(|used| !**used).count();
         if unused > 0 {
-            findings.warning("vertices", format!("{unused} of {} belong to no triangle", used.len()));
+            findings
+                .warning("vertices", format!("{unused} of {} belong to no triangle", used.len()));
         }
     }
 }
 
 /// Degenerate triangles. glTF validators miss them: they look at equal indices, not at equal positions.
-fn check_corners(count: usize, corners: impl Fn(usize) -> [Vec3; 3] + Sync, findings: &mut Findings) {
+fn check_corners(
+    count: usize,
+    corners: impl Fn(usize) -> [Vec3; 3] + Sync,
+    findings: &mut Findings,
+) {
     let is_coincident = |[a, b, c]: [Vec3; 3]| a == b || b == c || a == c;
     let coincident = list(count, |i| is_coincident(corners(i)));
-    report(&coincident, findings, Severity::Warning, "have two corners in one place and cannot be seen");
+    report(
+        &coincident,
+        findings,
+        Severity::Warning,
+        "have two corners in one place and cannot be seen",
+    );
     let flat = list(count, |i| {
         let [a, b, c] = corners(i).map(Vec3::as_dvec3);
         !is_coincident(corners(i)) && (b - a).cross(c - a) == glam::DVec3::ZERO
@@ -144,7 +178,11 @@ fn list(count: usize, is_bad: impl Fn(usize) -> bool + Sync) -> Vec<usize> {
 
 fn report(bad: &[usize], findings: &mut Findings, severity: Severity, what: &str) {
     if !bad.is_empty() {
-        findings.add(severity, format!("triangles {}", places(bad)), format!("{} {what}", bad.len()));
+        findings.add(
+            severity,
+            format!("triangles {}", places(bad)),
+            format!("{} {what}", bad.len()),
+        );
     }
 }
 

@@ -13,7 +13,9 @@ pub(super) const MAX_CORNERS: usize = 1 << 12;
 
 /// The message about a polygon where only triangles are permitted.
 pub(super) fn not_a_triangle(corners: i64) -> String {
-    format!("has {corners} corners; expected triangles only: triangulate the mesh where it was made")
+    format!(
+        "has {corners} corners; expected triangles only: triangulate the mesh where it was made"
+    )
 }
 
 /// The number of corners of a face if it is within the limit; otherwise the message.
@@ -76,7 +78,8 @@ impl Faces {
         if count > 3 {
             self.polygons.push(Polygon { face: self.len(), first, triangles: count - 2 });
         }
-        self.indices.extend(corners[1..].windows(2).flat_map(|pair| [corners[0], pair[0], pair[1]]));
+        self.indices
+            .extend(corners[1..].windows(2).flat_map(|pair| [corners[0], pair[0], pair[1]]));
         Ok(())
     }
 
@@ -133,8 +136,8 @@ impl Triangles {
 
     /// The corners of a mesh of `vertices`; empty where they are 0, 1, 2, 3, ... and no two triangles share one.
     pub(super) fn into_indices(self, vertices: usize) -> Vec<u32> {
-        let unshared =
-            self.indices.len() == vertices && self.indices.iter().enumerate().all(|(i, v)| i == *v as usize);
+        let unshared = self.indices.len() == vertices
+            && self.indices.iter().enumerate().all(|(i, v)| i == *v as usize);
         if unshared { Vec::new() } else { self.indices }
     }
 }
@@ -167,7 +170,8 @@ impl Cutter {
         let extent = points.clone().map(|p| (p - first).abs().max_element()).fold(0.0, f64::max);
         let points = points.map(|p| (p - first) / extent);
         let next = points.clone().skip(1).chain([DVec3::ZERO]);
-        let normal = points.clone().zip(next).map(|(a, b)| a.cross(b)).sum::<DVec3>().try_normalize()?;
+        let normal =
+            points.clone().zip(next).map(|(a, b)| a.cross(b)).sum::<DVec3>().try_normalize()?;
         let (right, up) = normal.any_orthonormal_pair();
         self.plane.clear();
         self.plane.extend(points.map(|p| [right.dot(p), up.dot(p)]));

@@ -19,7 +19,9 @@ pub(crate) fn finish(path: &Path, loaded: ImportedScene, origin: DVec3) -> Resul
     let total = scene.triangle_count();
     let error = |e: Error| Error::malformed(path, "values", e.to_string());
     let first = match &mut scene {
-        _ if total == 0 => return Err(Error::malformed(path, "triangles", "there are none in the file")),
+        _ if total == 0 => {
+            return Err(Error::malformed(path, "triangles", "there are none in the file"));
+        }
         Scene::Soup(soup) if soup.validate().is_err() => drop_from_soup(soup).map_err(error)?,
         Scene::Mesh(mesh) if mesh.validate().is_err() => drop_from_mesh(mesh).map_err(error)?,
         _ => None,
@@ -39,7 +41,8 @@ pub(crate) fn finish(path: &Path, loaded: ImportedScene, origin: DVec3) -> Resul
     }
     if let Some(first) = first {
         let dropped = counted(dropped as u64, "triangle");
-        warnings.push(format!("dropped {dropped} with non-finite values (first: triangle {first})"));
+        warnings
+            .push(format!("dropped {dropped} with non-finite values (first: triangle {first})"));
     }
     Ok(ImportedScene { scene, provenance, warnings, cameras })
 }
@@ -104,13 +107,21 @@ pub(crate) fn origin_of(mut sample: Vec<DVec3>) -> DVec3 {
     distances.sort_unstable_by(f64::total_cmp);
     let last = distances.len().saturating_sub(1);
     let spread = distances.get((NEARLY_ALL * last as f64).ceil() as usize).copied().unwrap_or(0.0);
-    if is_far(middle) && middle.length() > TIMES_SPREAD * spread { middle.round() } else { DVec3::ZERO }
+    if is_far(middle) && middle.length() > TIMES_SPREAD * spread {
+        middle.round()
+    } else {
+        DVec3::ZERO
+    }
 }
 
 /// The origin of a scene with this middle and size: zero, unless f32 lacks the digits for detail at that
 /// distance. Whole numbers, so that adding them back is exact.
 pub fn far_origin(middle: DVec3, size: f64) -> DVec3 {
-    if middle.is_finite() && middle.length() > TIMES_SIZE * size { middle.round() } else { DVec3::ZERO }
+    if middle.is_finite() && middle.length() > TIMES_SIZE * size {
+        middle.round()
+    } else {
+        DVec3::ZERO
+    }
 }
 
 /// Whether a position is so far from the origin that f32 may be too coarse.
@@ -128,7 +139,12 @@ pub(super) struct FarPositions {
 
 impl FarPositions {
     /// Reserves memory for `count` positions. Errors as for [`Limits::reserve`].
-    pub(super) fn reserve(&mut self, limits: &Limits, place: impl Display, count: usize) -> Result<()> {
+    pub(super) fn reserve(
+        &mut self,
+        limits: &Limits,
+        place: impl Display,
+        count: usize,
+    ) -> Result<()> {
         limits.reserve(place, &mut self.rounded, count)
     }
 
@@ -158,7 +174,9 @@ impl FarPositions {
         if origin == DVec3::ZERO {
             return (self.rounded, origin);
         }
-        let near = |(rounded, rest): (Vec3, Vec3)| (rounded.as_dvec3() - origin + rest.as_dvec3()).as_vec3();
+        let near = |(rounded, rest): (Vec3, Vec3)| {
+            (rounded.as_dvec3() - origin + rest.as_dvec3()).as_vec3()
+        };
         (self.rounded.into_iter().zip(self.rest).map(near).collect(), origin)
     }
 }
@@ -182,7 +200,12 @@ mod tests {
     use glam::Vec3;
 
     fn loaded(scene: Scene) -> ImportedScene {
-        ImportedScene { scene, provenance: Default::default(), warnings: Vec::new(), cameras: Vec::new() }
+        ImportedScene {
+            scene,
+            provenance: Default::default(),
+            warnings: Vec::new(),
+            cameras: Vec::new(),
+        }
     }
 
     fn soup(count: usize) -> Soup {
@@ -220,8 +243,8 @@ mod tests {
             for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
                 let mut broken = soup(4);
                 damage(&mut broken, bad);
-                let out =
-                    finish(Path::new("a"), loaded(Scene::Soup(broken)), DVec3::ZERO).expect("three are left");
+                let out = finish(Path::new("a"), loaded(Scene::Soup(broken)), DVec3::ZERO)
+                    .expect("three are left");
                 assert_eq!(out.scene, Scene::Soup(soup(3)));
                 assert_eq!(out.warnings.len(), 1);
                 assert!(out.warnings[0].contains("triangle 2"), "{}", out.warnings[0]);
@@ -240,7 +263,8 @@ mod tests {
         for damage in damages {
             let mut broken = mesh();
             damage(&mut broken);
-            let out = finish(Path::new("a"), loaded(Scene::Mesh(broken)), DVec3::ZERO).expect("one is left");
+            let out = finish(Path::new("a"), loaded(Scene::Mesh(broken)), DVec3::ZERO)
+                .expect("one is left");
             let mut wanted = mesh();
             wanted.retain(|face| face == 0);
             assert_eq!((out.scene, out.warnings.len()), (Scene::Mesh(wanted), 1));
@@ -249,23 +273,29 @@ mod tests {
         let mut unused = mesh();
         unused.positions.push(Vec3::NAN);
         unused.colors = Colors::Face(vec![[0.5; 3]; 2]);
-        let out = finish(Path::new("a"), loaded(Scene::Mesh(unused)), DVec3::ZERO).expect("both are left");
+        let out = finish(Path::new("a"), loaded(Scene::Mesh(unused)), DVec3::ZERO)
+            .expect("both are left");
         assert_eq!((out.scene.triangle_count(), out.warnings.len()), (2, 0));
     }
 
     #[test]
     fn out_of_range_is_an_error_with_a_remedy() {
-        for (opacity, sigma, wants) in [(-2.0, 1.0, "sigmoid"), (1.5, 1.0, "sigmoid"), (0.5, -4.6, "raw")] {
+        for (opacity, sigma, wants) in
+            [(-2.0, 1.0, "sigmoid"), (1.5, 1.0, "sigmoid"), (0.5, -4.6, "raw")]
+        {
             let mut raw = soup(3);
-            (raw.opacity[1], raw.sigma[1]) = (opacity, sigma);
-            let message =
-                finish(Path::new("a"), loaded(Scene::Soup(raw)), DVec3::ZERO).expect_err("raw").to_string();
+            raw.opacity[1] = opacity;
+            raw.sigma[1] = sigma;
+            let message = finish(Path::new("a"), loaded(Scene::Soup(raw)), DVec3::ZERO)
+                .expect_err("raw")
+                .to_string();
             assert!(message.contains("triangle 1") && message.contains(wants), "{message}");
         }
         let mut far = mesh();
         far.indices[4] = 4;
-        let message =
-            finish(Path::new("a"), loaded(Scene::Mesh(far)), DVec3::ZERO).expect_err("far").to_string();
+        let message = finish(Path::new("a"), loaded(Scene::Mesh(far)), DVec3::ZERO)
+            .expect_err("far")
+            .to_string();
         assert!(message.contains("face 1"), "{message}");
     }
 
@@ -274,8 +304,9 @@ mod tests {
         for count in [0, 2] {
             let mut none = soup(count);
             none.sigma.fill(f32::NAN);
-            let message =
-                finish(Path::new("a"), loaded(Scene::Soup(none)), DVec3::ZERO).expect_err("none").to_string();
+            let message = finish(Path::new("a"), loaded(Scene::Soup(none)), DVec3::ZERO)
+                .expect_err("none")
+                .to_string();
             assert!(message.contains("none"), "{message}");
         }
     }
@@ -287,7 +318,9 @@ mod far_tests {
 
     fn read(offset: DVec3) -> (Vec<Vec3>, DVec3) {
         let mut positions = FarPositions::default();
-        for p in [DVec3::new(0.125, 0.0, -0.5), DVec3::new(1.0, 2.0, 0.1), DVec3::new(-1.0, -2.0, 0.3)] {
+        for p in
+            [DVec3::new(0.125, 0.0, -0.5), DVec3::new(1.0, 2.0, 0.1), DVec3::new(-1.0, -2.0, 0.3)]
+        {
             positions.push(p + offset);
         }
         positions.relative()

@@ -8,7 +8,9 @@ use trisplat_scene::Error;
 use trisplat_scene::input::BYTE_ORDER_MARK;
 
 /// A format we read.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
     /// Polygon file format: our soup PLY or a mesh with vertex or face colours.
@@ -67,7 +69,9 @@ impl Format {
             Some(Format::Obj) => Some(Format::Obj),
             Some(Format::Off) if plain && !text.is_empty() => Some(Format::Off),
             _ => match word {
-                b"v" | b"vn" | b"vt" | b"f" | b"o" | b"g" | b"s" | b"mtllib" | b"usemtl" => Some(Format::Obj),
+                b"v" | b"vn" | b"vt" | b"f" | b"o" | b"g" | b"s" | b"mtllib" | b"usemtl" => {
+                    Some(Format::Obj)
+                }
                 _ => None,
             },
         }
@@ -76,7 +80,8 @@ impl Format {
     /// The format of the extension of `path`, independent of the content.
     pub(crate) fn by_extension(path: &Path) -> Option<Format> {
         let extension = path.extension()?.to_str()?;
-        let has = |endings: &[&str]| endings.iter().any(|ending| extension.eq_ignore_ascii_case(ending));
+        let has =
+            |endings: &[&str]| endings.iter().any(|ending| extension.eq_ignore_ascii_case(ending));
         FORMATS.iter().find(|(.., endings)| has(endings)).map(|(format, ..)| *format)
     }
 
@@ -144,7 +149,8 @@ pub(crate) fn unread(path: &Path, kind: &str) -> Error {
 /// `.splat` and `.ksplat` have no signature: their name decides, unless the first bytes are those of another
 /// format.
 pub(crate) fn recognise(head: &[u8], path: &Path) -> Option<&'static str> {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let extension =
+        path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     // A record of numbers may begin like a bare pickle; nothing else is taken for one.
     let other = !head.starts_with(&[0x80]) && Format::detect(head, path).is_some();
     match (head, extension.as_str()) {
@@ -187,7 +193,9 @@ pub fn foreign_json(path: &Path, json: &[u8]) -> Option<Error> {
     let version = json.pointer("/asset/version").and_then(Value::as_str);
     let is_old = version.is_some_and(|version| version.starts_with('1'))
         || json.get("meshes").is_some_and(Value::is_object);
-    is_old.then(|| Error::unsupported(path, "is glTF 1.0: convert it to glTF 2.0, with Blender for example"))
+    is_old.then(|| {
+        Error::unsupported(path, "is glTF 1.0: convert it to glTF 2.0, with Blender for example")
+    })
 }
 
 #[cfg(test)]

@@ -42,14 +42,16 @@ pub(crate) fn write(
 ) -> Result<Written> {
     let io = |e| Error::io(path, e);
     let (head, tail) = PAGE.split_once("@SCENE@\n").unwrap_or((PAGE, ""));
-    let head =
-        head.replace("@TITLE@", &escaped(title)).replace("@GENERATOR@", &trisplat_scene::report::generator());
+    let head = head
+        .replace("@TITLE@", &escaped(title))
+        .replace("@GENERATOR@", &trisplat_scene::report::generator());
     out.write_all(head.as_bytes()).map_err(io)?;
     if let Some((mime, bytes)) = sky {
         let text = BASE64.encode(bytes);
         writeln!(out, "<script type=\"{mime};base64\" id=\"sky\">{text}</script>").map_err(io)?;
     }
-    let mut blocks = BlockWriter { out, pending: Vec::with_capacity(BLOCK_BYTES), text: String::new() };
+    let mut blocks =
+        BlockWriter { out, pending: Vec::with_capacity(BLOCK_BYTES), text: String::new() };
     let written = gltf::write_glb(&mut blocks, path, asset, options)?;
     blocks.end().map_err(io)?;
     out.write_all(tail.as_bytes()).map_err(io)?;
@@ -112,7 +114,9 @@ fn unpack(source: Source) -> Result<Source> {
     let io = |e| Error::io(&source.path, e);
     let mut page = BufReader::with_capacity(1 << 20, &*source.file);
     let mut glb = tempfile::tempfile().map_err(Error::temporary)?;
-    let (mut line, mut number, mut len) = (Vec::new(), 0u64, 0u64);
+    let mut line = Vec::new();
+    let mut number = 0u64;
+    let mut len = 0u64;
     loop {
         line.clear();
         if page.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut line).map_err(io)? == 0 {
@@ -122,15 +126,15 @@ fn unpack(source: Source) -> Result<Source> {
         let Some(rest) = line.strip_prefix(OPEN.as_bytes()) else { continue };
         let bytes = rest.strip_suffix(CLOSE.as_bytes()).and_then(|text| BASE64.decode(text).ok());
         let Some(bytes) = bytes else {
-            let reason = "this block of the scene is cut short or is not base64; bake the page again";
+            let reason =
+                "this block of the scene is cut short or is not base64; bake the page again";
             return Err(Error::malformed(&source.path, format!("line {number}"), reason));
         };
         glb.write_all(&bytes).map_err(Error::temporary)?;
         len += bytes.len() as u64;
     }
     if len == 0 {
-        let reason =
-            "is a page without a scene: only pages written by `trisplat bake -o scene.html` hold one";
+        let reason = "is a page without a scene: only pages written by `trisplat bake -o scene.html` hold one";
         return Err(Error::unsupported(&source.path, reason));
     }
     glb.seek(SeekFrom::Start(0)).map_err(io)?;
@@ -158,16 +162,24 @@ mod tests {
 
     #[test]
     fn the_page_runs_its_own_script_and_nothing_else() {
-        let policy =
-            PAGE.split("Content-Security-Policy\" content=\"").nth(1).and_then(|rest| rest.split('"').next());
+        let policy = PAGE
+            .split("Content-Security-Policy\" content=\"")
+            .nth(1)
+            .and_then(|rest| rest.split('"').next());
         let policy = policy.expect("the page has a policy");
         assert!(policy.starts_with("default-src 'none'; script-src 'sha256-"), "{policy}");
         for word in ["unsafe-inline", "'unsafe-eval'", "*", "http", "'self'"] {
             assert!(!policy.contains(word), "{word}: {policy}");
         }
         // SHA-256 of the script that CLOSE calls after each block.
-        assert!(CLOSE.contains("<script>trisplat.block()</script>"), "another call has another hash");
-        assert!(policy.contains("'sha256-ZQOv0Lu+eRhE+APYwZz0YBUx54qprr2YYea/uxYEggw='"), "{policy}");
+        assert!(
+            CLOSE.contains("<script>trisplat.block()</script>"),
+            "another call has another hash"
+        );
+        assert!(
+            policy.contains("'sha256-ZQOv0Lu+eRhE+APYwZz0YBUx54qprr2YYea/uxYEggw='"),
+            "{policy}"
+        );
     }
 
     #[test]

@@ -11,7 +11,9 @@ use trisplat_scene::math::color::srgb_from_linear;
 use trisplat_scene::math::geometry::bounds;
 use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{FaceTexture, ImportedScene, Provenance, Result, Scene, Soup, Splats, StoredPicture};
+use trisplat_scene::{
+    FaceTexture, ImportedScene, Provenance, Result, Scene, Soup, Splats, StoredPicture,
+};
 
 /// What a file holds.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -145,13 +147,19 @@ impl TextureInfo {
     fn of(texture: &FaceTexture) -> Self {
         let sizes = texture.pages.iter().map(|page| page.size());
         let size = sizes.max_by_key(|size| size.element_product()).unwrap_or_default();
-        let stored: Option<Vec<&StoredPicture>> = texture.pages.iter().map(|page| page.stored()).collect();
-        let stored = stored.filter(|pages| pages.windows(2).all(|pair| pair[0].format == pair[1].format));
+        let stored: Option<Vec<&StoredPicture>> =
+            texture.pages.iter().map(|page| page.stored()).collect();
+        let stored =
+            stored.filter(|pages| pages.windows(2).all(|pair| pair[0].format == pair[1].format));
         let together = |pages: Vec<&StoredPicture>| {
             let bytes = pages.iter().map(|page| page.bytes).sum();
             pages.first().map(|first| StoredPicture { bytes, ..(*first).clone() })
         };
-        Self { size: size.to_array(), pages: texture.pages.len() as u32, stored: stored.and_then(together) }
+        Self {
+            size: size.to_array(),
+            pages: texture.pages.len() as u32,
+            stored: stored.and_then(together),
+        }
     }
 }
 
@@ -180,7 +188,8 @@ pub struct BakeInfo {
 pub fn info_of_content(path: &Path, options: &ReadOptions) -> Result<(Info, Content)> {
     let mut source = Source::open(path, &options.limits)?;
     let Some(format) = format_of_splats(&mut source, &options.limits)? else {
-        return info_of_scene(path, source, options).map(|(info, loaded)| (info, Content::Scene(loaded)));
+        return info_of_scene(path, source, options)
+            .map(|(info, loaded)| (info, Content::Scene(loaded)));
     };
     let bytes = source.len;
     let loaded = read_splats(format, source, options)?;
@@ -196,8 +205,13 @@ pub fn info_of_content(path: &Path, options: &ReadOptions) -> Result<(Info, Cont
     Ok((info, Content::Splats(loaded)))
 }
 
-fn info_of_scene(path: &Path, mut source: Source, options: &ReadOptions) -> Result<(Info, ImportedScene)> {
-    let (format, bytes) = (detect(&mut source)?, source.len);
+fn info_of_scene(
+    path: &Path,
+    mut source: Source,
+    options: &ReadOptions,
+) -> Result<(Info, ImportedScene)> {
+    let format = detect(&mut source)?;
+    let bytes = source.len;
     let (inner, source) = html::inside(format, source)?;
     let is_gltf = matches!(inner, Format::Glb | Format::Gltf);
     let gltf = if is_gltf { Some(gltf_info(source.again()?, &options.limits)?) } else { None };
@@ -207,7 +221,9 @@ fn info_of_scene(path: &Path, mut source: Source, options: &ReadOptions) -> Resu
         Scene::Mesh(mesh) => mesh_info(mesh),
     };
     info.path = path.display().to_string();
-    (info.format, info.bytes, info.gltf) = (format, bytes, gltf);
+    info.format = format;
+    info.bytes = bytes;
+    info.gltf = gltf;
     info.provenance = loaded.provenance.clone();
     info.shell = loaded.scene.shell_count() as u64;
     info.cameras = loaded.cameras.len() as u64;
@@ -246,7 +262,9 @@ fn mesh_info(mesh: &Mesh) -> Info {
     let encoded = |c: [f32; 3]| c.map(srgb_from_linear);
     let colors = match &mesh.colors {
         Colors::Face(colors) => ColorStats::of(colors.iter().map(|c| encoded(*c)), 1),
-        Colors::Vertex(_) => ColorStats::of(faces().flat_map(|f| mesh.corner_colors(f)).map(encoded), 3),
+        Colors::Vertex(_) => {
+            ColorStats::of(faces().flat_map(|f| mesh.corner_colors(f)).map(encoded), 3)
+        }
     };
     Info {
         kind: SceneKind::Mesh,
@@ -279,7 +297,8 @@ impl Distribution {
             return None;
         }
         let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64;
-        let (min, max) = values.iter().fold((f32::MAX, f32::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
+        let (min, max) =
+            values.iter().fold((f32::MAX, f32::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
         let median = median(values, f32::total_cmp)?;
         Some(Self { min, median, mean, max })
     }
@@ -288,8 +307,11 @@ impl Distribution {
 impl ColorStats {
     /// Over colours, `corners` per triangle.
     fn of(colors: impl Iterator<Item = [f32; 3]>, corners: u64) -> Self {
-        let (mut sum, mut count, mut outside) = ([0.0f64; 3], 0u64, 0u64);
-        let (mut min, mut max) = ([f32::MAX; 3], [f32::MIN; 3]);
+        let mut sum = [0.0f64; 3];
+        let mut count = 0u64;
+        let mut outside = 0u64;
+        let mut min = [f32::MAX; 3];
+        let mut max = [f32::MIN; 3];
         for color in colors {
             for (i, channel) in color.into_iter().enumerate() {
                 sum[i] += f64::from(channel);

@@ -77,11 +77,13 @@ impl EngineScene {
     /// From the finest level and the others, and their files, in this order.
     pub(crate) fn new<'a>(levels: impl Iterator<Item = (&'a Asset, LevelFile)>) -> Self {
         let (assets, files): (Vec<&Asset>, Vec<LevelFile>) = levels.unzip();
-        let bounds = assets.iter().filter_map(|asset| tiles::bounds(&asset.mesh, asset.scene_faces()));
+        let bounds =
+            assets.iter().filter_map(|asset| tiles::bounds(&asset.mesh, asset.scene_faces()));
         let bounds = bounds.reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]).unwrap_or_default();
         let middle = (bounds[0] + bounds[1]) / 2.0;
-        let corners =
-            assets.iter().flat_map(|asset| (0..asset.scene_faces()).flat_map(|f| asset.mesh.corners(f)));
+        let corners = assets
+            .iter()
+            .flat_map(|asset| (0..asset.scene_faces()).flat_map(|f| asset.mesh.corners(f)));
         let radius = corners.map(|p| p.as_dvec3().distance(middle)).fold(0.0, f64::max);
         let details = assets.iter().map(|asset| asset.detail()).collect();
         Self { files, details, bounds, radius }
@@ -115,20 +117,29 @@ pub(super) fn text(scene: &EngineScene) -> String {
     line(&mut out, format_args!("\n[node name=\"Scene\" type=\"Node3D\"]"));
     let distances = scene.distances(CAMERA);
     for (i, file) in scene.files.iter().enumerate() {
-        line(&mut out, format_args!("\n[node name=\"Lod{i}\" parent=\".\" instance=ExtResource(\"{i}\")]"));
+        line(
+            &mut out,
+            format_args!("\n[node name=\"Lod{i}\" parent=\".\" instance=ExtResource(\"{i}\")]"),
+        );
         for node in &file.nodes {
             line(&mut out, format_args!("\n[node name=\"{node}\" parent=\"Lod{i}\"]"));
             match (i, scene.files.get(1).and_then(|next| next.nodes.first())) {
                 (0, None) => {}
                 (0, Some(next)) => {
-                    line(&mut out, format_args!("visibility_parent = NodePath(\"../../Lod1/{next}\")"));
+                    line(
+                        &mut out,
+                        format_args!("visibility_parent = NodePath(\"../../Lod1/{next}\")"),
+                    );
                 }
                 _ => range(&mut out, scene, distances[i - 1], distances.get(i).copied()),
             }
         }
         // The one of the finest level is always drawn, which suffices.
         for node in file.backdrop.iter().filter(|_| i > 0) {
-            line(&mut out, format_args!("\n[node name=\"{node}\" parent=\"Lod{i}\"]\nvisible = false"));
+            line(
+                &mut out,
+                format_args!("\n[node name=\"{node}\" parent=\"Lod{i}\"]\nvisible = false"),
+            );
         }
     }
     line(&mut out, format_args!(""));
@@ -141,7 +152,8 @@ pub(super) fn text(scene: &EngineScene) -> String {
 /// Properties of a node that is drawn from `begin` on, up to `end`.
 fn range(out: &mut String, scene: &EngineScene, begin: f64, end: Option<f64>) {
     let [low, high] = scene.bounds;
-    let numbers = [low, high - low].map(|v| format!("{}, {}, {}", v.x as f32, v.y as f32, v.z as f32));
+    let numbers =
+        [low, high - low].map(|v| format!("{}, {}, {}", v.x as f32, v.y as f32, v.z as f32));
     line(out, format_args!("custom_aabb = AABB({})", numbers.join(", ")));
     line(out, format_args!("visibility_range_begin = {}", begin as f32));
     if let Some(end) = end {
@@ -179,7 +191,8 @@ pub(super) fn unity(name: &str, scene: &EngineScene) -> String {
         height
     });
     // No level follows the last: the coarsest is drawn at any distance.
-    let heights: Vec<String> = heights.chain([0.0]).map(|height| format!("{}f", height as f32)).collect();
+    let heights: Vec<String> =
+        heights.chain([0.0]).map(|height| format!("{}f", height as f32)).collect();
     filled(UNITY, name, scene, &heights)
 }
 
@@ -202,7 +215,8 @@ fn filled(template: &str, name: &str, scene: &EngineScene, sizes: &[String]) -> 
         ("{sizes}", sizes.join(", ")),
         ("{name}", quoted(name)),
     ];
-    let (mut out, mut rest) = (String::new(), template);
+    let mut out = String::new();
+    let mut rest = template;
     while let Some((at, key, value)) =
         put.iter().filter_map(|(key, value)| Some((rest.find(key)?, key, value))).min()
     {
@@ -214,7 +228,8 @@ fn filled(template: &str, name: &str, scene: &EngineScene, sizes: &[String]) -> 
 
 /// A name that is valid in both languages and unique for every scene.
 fn class(name: &str) -> String {
-    let plain: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    let plain: String =
+        name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     match plain == name {
         true => plain,
         false => format!("{plain}_{:08x}", xxh3_64(name.as_bytes()) as u32),
@@ -274,13 +289,18 @@ mod godot_tests {
             let lines = text.lines().filter_map(|line| line.strip_prefix(key));
             lines.map(|value| value.parse().unwrap()).collect()
         };
-        let (begins, ends) = (numbers("visibility_range_begin = "), numbers("visibility_range_end = "));
+        let begins = numbers("visibility_range_begin = ");
+        let ends = numbers("visibility_range_end = ");
         assert_eq!((begins.len(), ends.len()), (2, 1), "{text}");
         assert_eq!(begins[1], ends[0]);
         // 1080 px, 75 degrees: 703.7 px at a distance of 1, so 0.02 units are 2 px at 7.04; the scene is 3 units nearer.
         assert!((begins[0] - 10.037).abs() < 1e-3, "{begins:?}");
         assert_eq!(text.matches("visibility_parent = NodePath(\"../../Lod1/scene\")").count(), 2);
-        assert_eq!(text.matches("[node name=\"backdrop\"").count(), 2, "those of the coarser levels");
+        assert_eq!(
+            text.matches("[node name=\"backdrop\"").count(),
+            2,
+            "those of the coarser levels"
+        );
         assert_eq!(text.matches("]\nvisible = false\n").count(), 2);
         assert!((CAMERA - 37.5f64.to_radians().tan()).abs() < 1e-6);
     }
@@ -303,7 +323,9 @@ mod scripts_tests {
     fn numbers(text: &str, key: &str) -> Vec<f64> {
         let line = text.lines().find(|line| line.contains(key)).unwrap();
         let list = line.rsplit_once(['{', '[']).unwrap().1.split(['}', ']']).next().unwrap();
-        list.split(", ").map(|number| number.trim().trim_end_matches('f').parse().unwrap()).collect()
+        list.split(", ")
+            .map(|number| number.trim().trim_end_matches('f').parse().unwrap())
+            .collect()
     }
 
     #[test]

@@ -27,7 +27,9 @@ mod usdz;
 pub use finish::{far_origin, is_far};
 pub use format::{Format, foreign_json};
 pub use output::OutputOptions;
-pub use read::{Content, WrittenFiles, holds_splats, named_files, read, read_bytes, read_content, write};
+pub use read::{
+    Content, WrittenFiles, holds_splats, named_files, read, read_bytes, read_content, write,
+};
 pub use source::{ReadOptions, Source, unzipped_sog};
 pub use splats::cameras::read_cameras;
 pub use target::OutputTarget;

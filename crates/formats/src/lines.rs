@@ -100,7 +100,8 @@ pub(super) fn as_utf8(source: &Source, limits: &Limits) -> Result<Source> {
     let mut bytes = Vec::new();
     (&*source.file).read_to_end(&mut bytes).map_err(|e| Error::io(&source.path, e))?;
     let units = bytes[2..].as_chunks::<2>().0.iter().map(|pair| of(*pair));
-    let text: String = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect();
+    let text: String =
+        char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect();
     let (file, len) = input::spool(&source.path, &mut text.as_bytes(), limits)?;
     Ok(Source { file: Arc::new(file), len, ..source })
 }
@@ -166,7 +167,8 @@ pub(super) fn quoted(name: &str) -> String {
 }
 
 fn on_one_line(json: &str) -> String {
-    let escaped = |c: char| if breaks_text(c) { format!("\\u{:04x}", u32::from(c)) } else { c.into() };
+    let escaped =
+        |c: char| if breaks_text(c) { format!("\\u{:04x}", u32::from(c)) } else { c.into() };
     json.chars().map(escaped).collect()
 }
 
@@ -181,7 +183,9 @@ pub(super) fn to_comment(provenance: &Provenance) -> String {
         return String::new();
     }
     // Plain strings and numbers always serialize.
-    serde_json::to_string(provenance).map(|json| format!("{KEY}{}", on_one_line(&json))).unwrap_or_default()
+    serde_json::to_string(provenance)
+        .map(|json| format!("{KEY}{}", on_one_line(&json)))
+        .unwrap_or_default()
 }
 
 /// The provenance in the comments. A broken comment of ours becomes a warning, not an error, because the
@@ -192,7 +196,8 @@ pub(super) fn from_comments<'a>(
 ) -> Provenance {
     let mut up = None;
     for comment in comments {
-        let Some(json) = comment.trim().strip_prefix(KEY).filter(|rest| rest.starts_with('{')) else {
+        let Some(json) = comment.trim().strip_prefix(KEY).filter(|rest| rest.starts_with('{'))
+        else {
             up = up.or_else(|| up_axis(comment));
             continue;
         };
@@ -216,8 +221,8 @@ fn up_axis(comment: &str) -> Option<UpAxis> {
     const NAMES: [&str; 5] = ["vertical axis", "up axis", "up_axis", "upaxis", "up"];
     let text = comment.trim().to_lowercase();
     let named = NAMES.iter().find_map(|name| text.strip_prefix(name));
-    let axis =
-        named.or_else(|| text.strip_suffix("up").map(|axis| axis.trim_end_matches([' ', '-', '_'])))?;
+    let axis = named
+        .or_else(|| text.strip_suffix("up").map(|axis| axis.trim_end_matches([' ', '-', '_'])))?;
     let axis = axis.trim_matches([' ', ':', '=', '+', '"']);
     let numbers: Vec<f64> = axis.split([' ', ',']).filter_map(|word| word.parse().ok()).collect();
     if let [x, y, z] = numbers[..] {
@@ -289,9 +294,13 @@ mod provenance_tests {
 
     #[test]
     fn a_viewpoint_or_placement_that_cannot_be_is_a_warning() {
-        for (place, with) in
-            [("scale", "1e308"), ("scale", "0"), ("eye", "[1e39,0,0]"), ("fov", "1e308"), ("fov", "0")]
-        {
+        for (place, with) in [
+            ("scale", "1e308"),
+            ("scale", "0"),
+            ("eye", "[1e39,0,0]"),
+            ("fov", "1e308"),
+            ("fov", "0"),
+        ] {
             let provenance = Provenance {
                 viewpoint: Some(Viewpoint {
                     eye: [1.0; 3],
@@ -309,14 +318,20 @@ mod provenance_tests {
             let mut warnings = Vec::new();
             let back = from_comments([format!("{KEY}{json}").as_str()].into_iter(), &mut warnings);
             assert!(back != provenance || part == "placement", "{back:?}");
-            assert_eq!((back.placement, warnings.len()), (Placement::IDENTITY, 1), "{place} {with}");
+            assert_eq!(
+                (back.placement, warnings.len()),
+                (Placement::IDENTITY, 1),
+                "{place} {with}"
+            );
             assert_eq!(back.viewpoint.is_some(), part == "placement", "{place} {with}");
         }
     }
 
     #[test]
     fn other_programs_name_the_up_axis_in_their_own_words() {
-        let up = |comment: &str| from_comments(["made by hand", comment].into_iter(), &mut Vec::new()).up;
+        let up = |comment: &str| {
+            from_comments(["made by hand", comment].into_iter(), &mut Vec::new()).up
+        };
         for (comment, axis) in [
             ("Vertical Axis: z", UpAxis::Z),
             ("vertical axis: -Y", UpAxis::NegY),
@@ -327,9 +342,13 @@ mod provenance_tests {
         ] {
             assert_eq!(up(comment), Some(axis), "{comment}");
         }
-        for comment in
-            ["made up", "Vertical axis: 0 0 0", "Vertical axis: nan 0 0", "up to date", "vertical axis"]
-        {
+        for comment in [
+            "made up",
+            "Vertical axis: 0 0 0",
+            "Vertical axis: nan 0 0",
+            "up to date",
+            "vertical axis",
+        ] {
             assert_eq!(up(comment), None, "{comment}");
         }
     }

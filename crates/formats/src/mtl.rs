@@ -44,7 +44,9 @@ struct MaterialPicture {
 impl MaterialPicture {
     /// A place from the upper left corner, from coordinates that have their origin there too.
     fn place(&self, at: Vec2) -> Vec2 {
-        let Some(scale) = self.scale else { return Vec2::new(at.x + self.offset.x, at.y - self.offset.y) };
+        let Some(scale) = self.scale else {
+            return Vec2::new(at.x + self.offset.x, at.y - self.offset.y);
+        };
         let up = Vec2::new(at.x, 1.0 - at.y) * scale + self.offset;
         Vec2::new(up.x, 1.0 - up.y)
     }
@@ -117,10 +119,17 @@ impl Materials {
         let lost = self.names.iter().zip(&materials).filter(|(_, found)| found.is_none());
         let lost: Vec<&str> = lost.map(|(name, _)| name.as_str()).collect();
         if !known.is_empty() && !lost.is_empty() {
-            let names = lost.iter().take(MAX_NAMED).map(|name| excerpt(name)).collect::<Vec<_>>().join(", ");
+            let names = lost
+                .iter()
+                .take(MAX_NAMED)
+                .map(|name| excerpt(name))
+                .collect::<Vec<_>>()
+                .join(", ");
             let more = lost.len().saturating_sub(MAX_NAMED);
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-            warnings.push(format!("materials that no library has, their triangles are white: {names}{more}"));
+            warnings.push(format!(
+                "materials that no library has, their triangles are white: {names}{more}"
+            ));
         }
         if !materials.iter().flatten().any(|material| **material != Material::default()) {
             return false;
@@ -134,7 +143,8 @@ impl Materials {
         };
         let mut end = 0;
         for run in self.of_face.chunk_by(|a, b| a == b) {
-            let (faces, number) = (end..end + run.len(), run[0] as usize);
+            let faces = end..end + run.len();
+            let number = run[0] as usize;
             end += run.len();
             let Some(Some(material)) = materials.get(number) else { continue };
             let color = material.color.unwrap_or([1.0; 3]);
@@ -150,7 +160,8 @@ impl Materials {
                     false => picture(path, &laid.name, options),
                 };
                 let name = excerpt(&self.names[number]);
-                let unread = "a texture is not read, its triangles have the colour of their material";
+                let unread =
+                    "a texture is not read, its triangles have the colour of their material";
                 read.map_err(|e| warnings.push(format!("{unread}: {name}: {e}"))).ok()
             });
             if texture.is_none() {
@@ -178,9 +189,11 @@ impl Materials {
     ) -> BTreeMap<String, Material> {
         let mut known = BTreeMap::new();
         for name in &self.libraries {
-            let read = found(path, name, options).and_then(|file| library(&file, options, &mut known));
+            let read =
+                found(path, name, options).and_then(|file| library(&file, options, &mut known));
             if let Err(error) = read {
-                warnings.push(format!("materials are not read, their triangles are white: {error}"));
+                warnings
+                    .push(format!("materials are not read, their triangles are white: {error}"));
             }
         }
         known
@@ -216,7 +229,8 @@ impl Pictures {
 pub fn named_files(source: &Source, limits: &Limits) -> Result<Vec<PathBuf>> {
     let options = ReadOptions { limits: *limits, allow_outside: true, ..ReadOptions::default() };
     let source = &as_utf8(source, limits)?;
-    let (mut lines, mut materials) = (Lines::new(source)?, Materials::default());
+    let mut lines = Lines::new(source)?;
+    let mut materials = Materials::default();
     while lines.advance()? {
         if lines.words().next() == Some("mtllib") {
             materials.library(lines.rest());
@@ -236,7 +250,8 @@ pub fn named_files(source: &Source, limits: &Limits) -> Result<Vec<PathBuf>> {
 /// The names of all pictures in a library, also of kinds that are not read: of bumps, reflections and so on.
 fn pictures(library: &Path, options: &ReadOptions) -> Result<Vec<String>> {
     let source = as_utf8(&Source::open(library, &options.limits)?, &options.limits)?;
-    let (mut lines, mut names) = (Lines::new(&source)?, Vec::new());
+    let mut lines = Lines::new(&source)?;
+    let mut names = Vec::new();
     while lines.advance_to_text()? {
         let keyword = lines.words().next().unwrap_or_default().to_ascii_lowercase();
         if keyword.starts_with("map_") || OTHER_PICTURES.contains(&keyword.as_str()) {
@@ -265,7 +280,9 @@ pub(crate) fn found(path: &Path, name: &str, options: &ReadOptions) -> Result<Pa
     let own = relative.file_name().map(|name| in_any_case(folder, Path::new(name)));
     match own.filter(|own| own.is_file()) {
         Some(own) => Ok(own),
-        None if refused => refuse("outside the folder of the file; if that is right, give `allow_outside`"),
+        None if refused => {
+            refuse("outside the folder of the file; if that is right, give `allow_outside`")
+        }
         None => Ok(there),
     }
 }
@@ -276,7 +293,8 @@ fn in_any_case(folder: &Path, relative: &Path) -> PathBuf {
     for part in relative.components() {
         let exact = path.join(part);
         let wanted = part.as_os_str().to_string_lossy().to_lowercase();
-        let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+        let name =
+            |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         let alike = || input::entries(&path).filter(|path| name(path) == wanted).min();
         path = if exact.exists() { exact } else { alike().unwrap_or(exact) };
     }
@@ -285,7 +303,8 @@ fn in_any_case(folder: &Path, relative: &Path) -> PathBuf {
 
 /// The names in a `mtllib` line. A name ends with its quote, or with `.mtl`.
 fn library_names(text: &str) -> Vec<String> {
-    let (mut names, mut rest) = (Vec::new(), text.trim());
+    let mut names = Vec::new();
+    let mut rest = text.trim();
     while !rest.is_empty() && names.len() < MOST_LIBRARIES {
         let lower = rest.to_ascii_lowercase();
         let quoted = rest.strip_prefix('"').and_then(|inner| inner.split_once('"'));
@@ -304,7 +323,11 @@ fn unquoted(name: &str) -> &str {
     name.strip_prefix('"').and_then(|name| name.strip_suffix('"')).unwrap_or(name)
 }
 
-fn library(path: &Path, options: &ReadOptions, known: &mut BTreeMap<String, Material>) -> Result<()> {
+fn library(
+    path: &Path,
+    options: &ReadOptions,
+    known: &mut BTreeMap<String, Material>,
+) -> Result<()> {
     let source = as_utf8(&Source::open(path, &options.limits)?, &options.limits)?;
     let mut lines = Lines::new(&source)?;
     let mut name = None;
@@ -318,8 +341,10 @@ fn library(path: &Path, options: &ReadOptions, known: &mut BTreeMap<String, Mate
         let Some(material) = name.as_ref().and_then(|name| known.get_mut(name)) else { continue };
         match keyword {
             "Kd" => {
-                let numbers: Vec<f32> =
-                    words.filter_map(|word| word.parse().ok()).filter(|x: &f32| x.is_finite()).collect();
+                let numbers: Vec<f32> = words
+                    .filter_map(|word| word.parse().ok())
+                    .filter(|x: &f32| x.is_finite())
+                    .collect();
                 material.color = numbers.try_into().ok();
             }
             _ if keyword.eq_ignore_ascii_case("map_Kd") => material.picture = Some(laid(rest)),
@@ -331,12 +356,14 @@ fn library(path: &Path, options: &ReadOptions, known: &mut BTreeMap<String, Mate
 
 /// A picture after options such as `-clamp on` and `-s 1 1 1`; its name may hold spaces.
 fn laid(text: &str) -> MaterialPicture {
-    let (mut picture, mut rest) = (MaterialPicture::default(), text.trim());
+    let mut picture = MaterialPicture::default();
+    let mut rest = text.trim();
     while let Some((option, after)) =
         rest.strip_prefix('-').and_then(|_| rest.split_once(char::is_whitespace))
     {
         rest = after.trim_start();
-        let (mut numbers, mut word) = (Vec::new(), "");
+        let mut numbers = Vec::new();
+        let mut word = "";
         let takes_numbers = matches!(option, "-s" | "-o" | "-t" | "-mm");
         for _ in 0..if takes_numbers { 3 } else { 1 } {
             let Some((next, after)) = rest.split_once(char::is_whitespace) else { break };
@@ -345,10 +372,14 @@ fn laid(text: &str) -> MaterialPicture {
                 break;
             }
             numbers.extend(number);
-            (word, rest) = (next, after.trim_start());
+            word = next;
+            rest = after.trim_start();
         }
         let pair = |other: f32| {
-            Vec2::new(numbers.first().copied().unwrap_or(other), numbers.get(1).copied().unwrap_or(other))
+            Vec2::new(
+                numbers.first().copied().unwrap_or(other),
+                numbers.get(1).copied().unwrap_or(other),
+            )
         };
         match option {
             "-s" => picture.scale = Some(pair(1.0)),
@@ -362,7 +393,8 @@ fn laid(text: &str) -> MaterialPicture {
 }
 
 /// The warning about colours of vertices or faces beside a picture: programs that write both draw the picture alone.
-pub(crate) const OVER_COLORS: &str = "faces with a picture show it without the colours that the file has too";
+pub(crate) const OVER_COLORS: &str =
+    "faces with a picture show it without the colours that the file has too";
 
 /// Whether a mesh has colours other than white.
 pub(crate) fn has_colors(mesh: &Mesh) -> bool {

@@ -13,7 +13,9 @@ use crate::{ReadOptions, Source};
 use glam::{DVec3, Vec2, Vec3};
 use std::io::{self, Write};
 use std::sync::LazyLock;
-use trisplat_scene::math::color::{linear_from_srgb, linear_of_srgb8, srgb_from_linear, srgb8_from_linear};
+use trisplat_scene::math::color::{
+    linear_from_srgb, linear_of_srgb8, srgb_from_linear, srgb8_from_linear,
+};
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{Asset, Error, FaceTexture, ImportedScene, Result, Scene, excerpt};
 
@@ -33,22 +35,31 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     while lines.advance()? {
         draft.take_line(&lines).map_err(|reason| lines.error(reason))?;
         options.limits.triangles(path.display(), draft.faces.triangles() as u64)?;
-        options
-            .limits
-            .vertices(path.display(), draft.positions.len().max(draft.corners_placed.places.len()) as u64)?;
+        options.limits.vertices(
+            path.display(),
+            draft.positions.len().max(draft.corners_placed.places.len()) as u64,
+        )?;
     }
     if draft.faces.len() == 0 {
-        return Err(Error::malformed(path, "the file", "has no faces: there are no triangles in it"));
+        return Err(Error::malformed(
+            path,
+            "the file",
+            "has no faces: there are no triangles in it",
+        ));
     }
-    if let Some((line, vertex)) = draft.ahead.filter(|(_, vertex)| *vertex > draft.positions.len() as i64) {
-        let reason = format!("names vertex {vertex}, but there are {} vertices", draft.positions.len());
+    if let Some((line, vertex)) =
+        draft.ahead.filter(|(_, vertex)| *vertex > draft.positions.len() as i64)
+    {
+        let reason =
+            format!("names vertex {vertex}, but there are {} vertices", draft.positions.len());
         return Err(Error::malformed(path, format!("line {line}"), reason));
     }
     let mut warnings = Vec::new();
     let comments = draft.comments.iter().map(String::as_str);
     let provenance = lines::from_comments(comments, &mut warnings);
     let (mesh, origin) = draft.mesh(path, options, &mut warnings)?;
-    let loaded = ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
+    let loaded =
+        ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
     finish(path, loaded, origin)
 }
 
@@ -97,7 +108,8 @@ impl ObjDraft {
 
     /// `x y z`, then nothing, a weight (which only curves use), a colour, or a colour and its alpha.
     fn take_vertex<'w>(&mut self, words: impl Iterator<Item = &'w str>) -> Result<(), String> {
-        let (mut row, mut count) = ([0.0f64; 7], 0);
+        let mut row = [0.0f64; 7];
+        let mut count = 0;
         for word in words {
             *row.get_mut(count).ok_or("has more numbers than x y z r g b a")? = number(word)?;
             count += 1;
@@ -125,11 +137,16 @@ impl ObjDraft {
         Ok(())
     }
 
-    fn take_face<'w>(&mut self, words: impl Iterator<Item = &'w str>, line: u64) -> Result<(), String> {
+    fn take_face<'w>(
+        &mut self,
+        words: impl Iterator<Item = &'w str>,
+        line: u64,
+    ) -> Result<(), String> {
         let in_face = |face: usize, reason: String| format!("face {face} {reason}");
         self.corners.clear();
         for word in words {
-            let corner = self.corner(word, line).map_err(|reason| in_face(self.faces.len(), reason))?;
+            let corner =
+                self.corner(word, line).map_err(|reason| in_face(self.faces.len(), reason))?;
             self.corners.push(corner);
             if let Some(place) = self.place(word) {
                 self.corners_placed.push(self.faces.len(), corner, place);
@@ -143,16 +160,18 @@ impl ObjDraft {
 
     /// Number of the texture coordinates, from 0, of `5/1`, `5/1/1` or `5/-1`.
     fn place(&self, corner: &str) -> Option<u32> {
-        let place = corner.split('/').nth(1).filter(|text| !text.is_empty())?.parse::<i64>().ok()?;
-        let from_one = if place < 0 { self.corners_placed.places.len() as i64 + 1 + place } else { place };
+        let place =
+            corner.split('/').nth(1).filter(|text| !text.is_empty())?.parse::<i64>().ok()?;
+        let from_one =
+            if place < 0 { self.corners_placed.places.len() as i64 + 1 + place } else { place };
         Some(u32::try_from(from_one - 1).unwrap_or(NOWHERE))
     }
 
     /// Vertex number from 0 of `5`, `5/1`, `5//1`, `5/1/1`, or `-1` for the latest vertex.
     fn corner(&mut self, word: &str, line: u64) -> Result<u32, String> {
         let vertex = word.split('/').next().unwrap_or_default().parse::<i64>();
-        let vertex =
-            vertex.map_err(|_| format!("has the corner {:?}; expected a vertex number", excerpt(word)))?;
+        let vertex = vertex
+            .map_err(|_| format!("has the corner {:?}; expected a vertex number", excerpt(word)))?;
         let known = self.positions.len() as i64;
         let from_one = if vertex < 0 { known + 1 + vertex } else { vertex };
         if from_one > known && self.ahead.is_none_or(|(_, largest)| from_one > largest) {
@@ -160,7 +179,9 @@ impl ObjDraft {
         }
         match u32::try_from(from_one - 1) {
             Ok(index) => Ok(index),
-            Err(_) => Err(format!("names vertex {vertex}, but there are {known} vertices before it")),
+            Err(_) => {
+                Err(format!("names vertex {vertex}, but there are {known} vertices before it"))
+            }
         }
     }
 
@@ -241,7 +262,9 @@ pub fn write(
     let own = match (&mesh.colors, texture) {
         // Colours would be multiplied with the texture.
         (_, Some(_)) => {
-            write_blocks(out, mesh.vertex_count(), |v, block| push_vector(block, b"v", mesh.positions[v]))?;
+            write_blocks(out, mesh.vertex_count(), |v, block| {
+                push_vector(block, b"v", mesh.positions[v])
+            })?;
             mesh.indices.is_empty()
         }
         (Colors::Vertex(colors), None) => {
@@ -260,12 +283,15 @@ pub fn write(
         }
     };
     // Per vertex if all faces agree, else per corner.
-    let shared = texture.and_then(|(texture, _)| texture.of_vertices(&mesh.indices, mesh.vertex_count()));
+    let shared =
+        texture.and_then(|(texture, _)| texture.of_vertices(&mesh.indices, mesh.vertex_count()));
     if let Some((texture, _)) = texture {
         let uvs = shared.as_deref().unwrap_or(texture.uvs.as_flattened());
         write_blocks(out, uvs.len(), |i, block| push_place(block, uvs[i]))?;
     }
-    write_blocks(out, mesh.normals.len(), |face, block| push_vector(block, b"vn", mesh.normals[face]))?;
+    write_blocks(out, mesh.normals.len(), |face, block| {
+        push_vector(block, b"vn", mesh.normals[face])
+    })?;
     out.write_all(b"usemtl trisplat\n")?;
     let behind = asset.scene_faces();
     let grouped = behind < mesh.face_count();
@@ -282,7 +308,8 @@ pub fn write(
             block.push(b' ');
             push_integer(block, u64::from(corner) + 1);
             if texture.is_some() {
-                let place = if shared.is_some() { u64::from(corner) } else { (3 * face + k) as u64 };
+                let place =
+                    if shared.is_some() { u64::from(corner) } else { (3 * face + k) as u64 };
                 block.push(b'/');
                 push_integer(block, place + 1);
             }

@@ -32,14 +32,16 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     let limits = &options.limits;
     let (vertices, faces) = read_counts(&source, &mut lines, limits)?;
     let mut mesh = Mesh::default();
-    let (mut of_vertices, mut of_faces) = (FileColors::default(), FileColors::default());
+    let mut of_vertices = FileColors::default();
+    let mut of_faces = FileColors::default();
     let mut positions = FarPositions::default();
     positions.reserve(limits, source.path.display(), vertices)?;
     for vertex in 0..vertices {
         advance(&mut lines, || format!("vertex {vertex} of {vertices}"))?;
         positions.push(position(&lines, &mut of_vertices).map_err(|reason| lines.error(reason))?);
     }
-    let (mut indices, mut corners) = (Vec::new(), Vec::new());
+    let mut indices = Vec::new();
+    let mut corners = Vec::new();
     limits.reserve(source.path.display(), &mut indices, 3 * faces)?;
     let mut read = Faces::from_triangles(indices);
     for face in 0..faces {
@@ -54,7 +56,8 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     let triangles = read.triangulate(&mesh.positions);
     let mut warnings = Vec::new();
     if of_vertices.any && of_faces.any {
-        warnings.push("vertices and faces both have colours: those of the vertices are used".into());
+        warnings
+            .push("vertices and faces both have colours: those of the vertices are used".into());
     }
     warnings.extend(softness_beside(&source.path));
     if !of_vertices.any && !of_faces.any {
@@ -69,17 +72,20 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     }
     mesh.indices = triangles.indices;
     let provenance = Provenance::default();
-    let loaded = ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
+    let loaded =
+        ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
     finish(&source.path, loaded, origin)
 }
 
 /// Names a checkpoint in the folder of an OFF file: the authors' scripts make OFF files of such, without softness.
 fn softness_beside(path: &Path) -> Option<String> {
     let folder = path.parent().filter(|_| path.as_os_str() != "-")?;
-    let is_checkpoint = |file: &PathBuf| file.extension().is_some_and(|e| e == "pt") && file.is_file();
+    let is_checkpoint =
+        |file: &PathBuf| file.extension().is_some_and(|e| e == "pt") && file.is_file();
     let checkpoints = input::entries(folder).filter(is_checkpoint);
     // That of the same name first.
-    let found = checkpoints.min_by_key(|file| (file.file_stem() != path.file_stem(), file.clone()))?;
+    let found =
+        checkpoints.min_by_key(|file| (file.file_stem() != path.file_stem(), file.clone()))?;
     let name = found.file_name()?.to_string_lossy().into_owned();
     Some(format!(
         "an OFF file holds no softness: if {name} beside it is of the same training, give that, and the scene looks as it was trained"
@@ -95,7 +101,10 @@ fn read_counts(source: &Source, lines: &mut Lines, limits: &Limits) -> Result<(u
     let keyword = words.remove(0);
     if keyword != "OFF" && keyword != "COFF" {
         return Err(if keyword.ends_with("OFF") {
-            Error::unsupported(&source.path, format!("is {}; save it as OFF or COFF", excerpt(&keyword)))
+            Error::unsupported(
+                &source.path,
+                format!("is {}; save it as OFF or COFF", excerpt(&keyword)),
+            )
         } else {
             lines.error("is not an OFF file: it must start with OFF or COFF")
         });
@@ -114,7 +123,8 @@ fn read_counts(source: &Source, lines: &mut Lines, limits: &Limits) -> Result<(u
     if faces == 0 {
         return Err(lines.error("promises 0 faces: there are no triangles in the file"));
     }
-    let shortest = vertices.saturating_mul(SHORTEST.0).saturating_add(faces.saturating_mul(SHORTEST.1));
+    let shortest =
+        vertices.saturating_mul(SHORTEST.0).saturating_add(faces.saturating_mul(SHORTEST.1));
     if shortest > source.len + 1 {
         let len = source.len;
         return Err(lines.error(format!(
@@ -125,7 +135,10 @@ fn read_counts(source: &Source, lines: &mut Lines, limits: &Limits) -> Result<(u
     limits.vertices(source.path.display(), vertices)?;
     match (usize::try_from(vertices), usize::try_from(faces)) {
         (Ok(v), Ok(f)) if u32::try_from(vertices).is_ok() => Ok((v, f)),
-        _ => Err(Error::unsupported(&source.path, "has more vertices than 32-bit numbers reach: split it")),
+        _ => Err(Error::unsupported(
+            &source.path,
+            "has more vertices than 32-bit numbers reach: split it",
+        )),
     }
 }
 
@@ -153,19 +166,17 @@ fn read_corners(
 ) -> Result<(), String> {
     let mut words = lines.words();
     let count = words.next().unwrap_or_default();
-    let count = count
-        .parse::<i64>()
-        .map_err(|_| format!("starts with {:?}; expected the number of its corners", excerpt(count)))?;
+    let count = count.parse::<i64>().map_err(|_| {
+        format!("starts with {:?}; expected the number of its corners", excerpt(count))
+    })?;
     let count = check_corners(count)?;
     corners.clear();
     for _ in 0..count {
         let word = words.next().ok_or_else(|| format!("has fewer than {count} corners"))?;
         let index = word.parse::<u32>().ok().filter(|v| (*v as usize) < vertices);
-        corners.push(
-            index.ok_or_else(|| {
-                format!("names vertex {:?}, but there are {vertices} vertices", excerpt(word))
-            })?,
-        );
+        corners.push(index.ok_or_else(|| {
+            format!("names vertex {:?}, but there are {vertices} vertices", excerpt(word))
+        })?);
     }
     colors.push(words)
 }
@@ -186,7 +197,8 @@ struct FileColor {
 
 impl FileColors {
     fn push<'w>(&mut self, words: impl Iterator<Item = &'w str>) -> Result<(), String> {
-        let (mut row, mut count) = ([0.0; 4], 0);
+        let mut row = [0.0; 4];
+        let mut count = 0;
         for word in words {
             let slot = row.get_mut(count).ok_or("has more numbers than r g b a")?;
             *slot = number(word)?;
@@ -196,28 +208,41 @@ impl FileColors {
         let [r, g, b, a] = row;
         match count {
             0 => self.rows.push(None),
-            3 | 4 => self.rows.push(Some(FileColor { rgb: [r, g, b], alpha: (count == 4).then_some(a) })),
-            _ => return Err(format!("has {count} numbers for its colour; expected r g b or r g b a")),
+            3 | 4 => {
+                self.rows.push(Some(FileColor { rgb: [r, g, b], alpha: (count == 4).then_some(a) }))
+            }
+            _ => {
+                return Err(format!(
+                    "has {count} numbers for its colour; expected r g b or r g b a"
+                ));
+            }
         }
         self.any |= count > 0;
         Ok(())
     }
 
     /// Linear colours, white where there was none, and alpha if any value is below 1.
-    fn linear(&self, source: &Source, warnings: &mut Vec<String>) -> Result<(Vec<[f32; 3]>, Vec<f32>)> {
+    fn linear(
+        &self,
+        source: &Source,
+        warnings: &mut Vec<String>,
+    ) -> Result<(Vec<[f32; 3]>, Vec<f32>)> {
         let mut clamped = Clamped::default();
         let mut unit = |value: f32| match self.floats {
             true => clamped.channel(value),
             false => value / 255.0,
         };
-        let (mut colors, mut alphas) = (Vec::new(), Vec::new());
+        let mut colors = Vec::new();
+        let mut alphas = Vec::new();
         colors.reserve_exact(self.rows.len());
         for (at, row) in self.rows.iter().enumerate() {
             let Some(FileColor { rgb, alpha }) = row else {
                 colors.push([1.0; 3]);
                 continue;
             };
-            if let Some(bad) = rgb.iter().chain(alpha).find(|x| !self.floats && !(0.0..=255.0).contains(*x)) {
+            if let Some(bad) =
+                rgb.iter().chain(alpha).find(|x| !self.floats && !(0.0..=255.0).contains(*x))
+            {
                 let reason = format!("integer colours must lie in 0 to 255; row {at} has {bad}");
                 return Err(Error::malformed(&source.path, "colours", reason));
             }

@@ -71,8 +71,8 @@ impl OutputOptions {
     /// The glTF options of our own page: it reads everything, so it is compressed, without loss by default.
     fn page_encoding(&self, details: &mut WriteDetails) -> GltfOptions {
         let other = !matches!(self.target, OutputTarget::Gltf | OutputTarget::Web);
-        let notes =
-            other.then_some("html: the page is its own viewer; `target` is for files that engines read");
+        let notes = other
+            .then_some("html: the page is its own viewer; `target` is for files that engines read");
         details.notes = Some(notes.into_iter().map(str::to_owned).collect());
         let (web, _) = OutputTarget::Web.encoding(self.compress);
         GltfOptions {
@@ -86,7 +86,9 @@ impl OutputOptions {
 }
 
 /// Figures of the written scene, without levels.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct WriteDetails {
     /// Steps for opening the file in the target, one sentence each; absent for formats without targets.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -134,7 +136,8 @@ impl OutputFormat {
     ///
     /// Errors: a name without a known ending.
     pub fn of(path: &Path) -> Result<Self> {
-        let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        let ending =
+            path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
         match ending.as_str() {
             "glb" => Ok(Self::Glb),
             "gltf" => Ok(Self::Gltf),
@@ -259,7 +262,11 @@ impl Output {
     }
 
     /// The files of a scene without any beside it.
-    pub fn plan(path: &Path, format: Option<OutputFormat>, options: &OutputOptions) -> Result<Self> {
+    pub fn plan(
+        path: &Path,
+        format: Option<OutputFormat>,
+        options: &OutputOptions,
+    ) -> Result<Self> {
         let refuse = |wants: &str| Err(Error::invalid("output", path.display(), wants));
         let stream = path.as_os_str() == "-" || is_device(path);
         if !stream && path.file_name().is_some_and(|name| name.to_str().is_none()) {
@@ -290,7 +297,14 @@ impl Output {
             _ => None,
         };
         let sidecar = sidecar.map(|(name, text)| (path.with_file_name(name), text));
-        Ok(Self { format, main: path.to_owned(), second, sidecar, node: SCENE_NODE, ..Self::default() })
+        Ok(Self {
+            format,
+            main: path.to_owned(),
+            second,
+            sidecar,
+            node: SCENE_NODE,
+            ..Self::default()
+        })
     }
 
     /// Adds the picture of a texture to the scene, its backdrop and its levels: OUT.jpg.
@@ -311,7 +325,8 @@ impl Output {
 
     /// OUT.ENDING; `what` names the content in the error for outputs that cannot have files beside them.
     fn beside(&self, ending: &str, what: &str) -> Result<PathBuf> {
-        let alone = matches!(self.format, OutputFormat::Html | OutputFormat::Tiles | OutputFormat::Usdz);
+        let alone =
+            matches!(self.format, OutputFormat::Html | OutputFormat::Tiles | OutputFormat::Usdz);
         if alone || self.main.as_os_str() == "-" || is_device(&self.main) {
             let wants = format!("a .glb, .gltf, .obj or .ply file: {what} beside the first");
             return Err(Error::invalid("output", self.main.display(), wants));
@@ -375,7 +390,8 @@ impl Output {
 
     /// The files that name all levels, in the order of publication.
     fn level_files(&self) -> impl Iterator<Item = Option<&Path>> {
-        [self.tileset.as_deref(), self.engine_levels.as_ref().map(|(path, _)| path.as_path())].into_iter()
+        [self.tileset.as_deref(), self.engine_levels.as_ref().map(|(path, _)| path.as_path())]
+            .into_iter()
     }
 
     /// Files of an earlier scene of the same name that this one does not replace.
@@ -387,7 +403,8 @@ impl Output {
         let beside = |ending: &str| self.main.with_extension(ending);
         let level = |i: usize| beside(&format!("lod{i}.{ending}"));
         let past = self.levels.len() + 1;
-        let mut found: Vec<PathBuf> = (past..).map(level).take_while(|path| path.exists()).collect();
+        let mut found: Vec<PathBuf> =
+            (past..).map(level).take_while(|path| path.exists()).collect();
         let of_levels = |path: &PathBuf| ["bin", "mtl"].map(|ending| path.with_extension(ending));
         found.extend(found.clone().iter().flat_map(of_levels));
         let parts = ["backdrop", "collision"].map(|part| beside(&format!("{part}.{ending}")));
@@ -397,8 +414,9 @@ impl Output {
         found.extend(EngineLevels::ALL.map(|kind| beside(kind.ending())));
         // Godot writes settings of that name itself: only unchanged ones are ours.
         let name = self.main.file_name().unwrap_or_default().to_string_lossy();
-        let import =
-            OutputTarget::Godot.sidecar(&name).map(|(name, text)| (self.main.with_file_name(name), text));
+        let import = OutputTarget::Godot
+            .sidecar(&name)
+            .map(|(name, text)| (self.main.with_file_name(name), text));
         let ours = |(path, text): (PathBuf, String)| {
             std::fs::read_to_string(&path).is_ok_and(|found| found == text).then_some(path)
         };

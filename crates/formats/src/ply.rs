@@ -35,13 +35,21 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     let [vertices, faces, views] = table::open(&source, &header, names, !is_soup, &options.limits)?;
     let vertices = table::required(vertices, &source, "vertex")?;
     let faces = table::required(faces, &source, "face")?;
-    let cameras = views.map_or(Ok(Vec::new()), |table| soup::read_views(&table, &options.limits))?;
+    let cameras =
+        views.map_or(Ok(Vec::new()), |table| soup::read_views(&table, &options.limits))?;
     // Cameras are in single precision, so a soup with cameras is near its origin already.
     let origin = if cameras.is_empty() { vertices.origin()? } else { DVec3::ZERO };
     let scene = if is_soup {
         Scene::Soup(soup::read(&vertices, &faces, origin, options)?)
     } else {
-        Scene::Mesh(mesh::read(&vertices, &faces, origin, &header.comments, options, &mut warnings)?)
+        Scene::Mesh(mesh::read(
+            &vertices,
+            &faces,
+            origin,
+            &header.comments,
+            options,
+            &mut warnings,
+        )?)
     };
     let loaded = ImportedScene { scene, provenance, warnings, cameras };
     finish(path, loaded, origin)
@@ -85,9 +93,11 @@ fn faces<'h>(path: &Path, header: &'h Header) -> Result<&'h Element> {
         None if header.element("tristrips").is_some() => {
             Err(Error::unsupported(path, "holds triangle strips; save it with separate triangles"))
         }
-        None if header.element("face").is_some() => {
-            Err(Error::malformed(path, "element face", "has no rows: there are no triangles in the file"))
-        }
+        None if header.element("face").is_some() => Err(Error::malformed(
+            path,
+            "element face",
+            "has no rows: there are no triangles in the file",
+        )),
         None => Err(Error::unsupported(
             path,
             "is a point cloud: it has no element face; give a triangle mesh or a trained scene",

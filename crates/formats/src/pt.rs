@@ -37,7 +37,9 @@ use tempfile::NamedTempFile;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene, Soup, input, rgb_from_sh0};
+use trisplat_scene::{
+    Error, ImportedScene, Limits, Provenance, Result, Scene, Soup, input, rgb_from_sh0,
+};
 
 /// Largest `data.pkl` to parse. Real ones hold a few names and shapes (under 2 KiB). Every byte can cost the
 /// parser about 100 bytes of stack, and a deflated file can claim any size.
@@ -79,12 +81,21 @@ fn read_soup(file: &TorchFile, n: usize, options: &ReadOptions) -> Result<Import
     let mut opacity: Vec<f32> = file.values("opacity", DType::F32, &[&[n, 1], &[n]])?;
     // In f64 and rounded once, so that the result does not depend on the platform's expf.
     parallel::for_each_mut(&mut sigma, GRAIN, |_, x| *x = (0.01 + f64::from(*x).exp()) as f32);
-    parallel::for_each_mut(&mut opacity, GRAIN, |_, x| *x = (1.0 / (1.0 + (-f64::from(*x)).exp())) as f32);
+    parallel::for_each_mut(&mut opacity, GRAIN, |_, x| {
+        *x = (1.0 / (1.0 + (-f64::from(*x)).exp())) as f32
+    });
     let (sh, sh_degree) = read_sh(file, n, options.sh_degree)?;
     let soup = Soup { vertices, opacity, sigma, sh, sh_degree, ..Soup::default() };
-    let provenance =
-        Provenance { trainer: Some("triangle-splatting (Held et al. 2025)".into()), ..Provenance::default() };
-    Ok(ImportedScene { scene: Scene::Soup(soup), provenance, warnings: Vec::new(), cameras: Vec::new() })
+    let provenance = Provenance {
+        trainer: Some("triangle-splatting (Held et al. 2025)".into()),
+        ..Provenance::default()
+    };
+    Ok(ImportedScene {
+        scene: Scene::Soup(soup),
+        provenance,
+        warnings: Vec::new(),
+        cameras: Vec::new(),
+    })
 }
 
 /// Coefficients of every triangle, degree 0 first, and the degree: the lowest of the requested one, the one
@@ -106,7 +117,9 @@ fn read_sh(file: &TorchFile, n: usize, wanted: u8) -> Result<(Vec<[f32; 3]>, u8)
     let active = match file.scalar("active_sh_degree")? {
         Some(PickleValue::Int(degree @ 0..=3)) => degree as u8,
         Some(PickleValue::Int(other)) => {
-            return Err(file.malformed("active_sh_degree", format!("is {other}; expected 0, 1, 2 or 3")));
+            return Err(
+                file.malformed("active_sh_degree", format!("is {other}; expected 0, 1, 2 or 3"))
+            );
         }
         _ => 3,
     };
@@ -151,8 +164,10 @@ fn read_mesh(file: &TorchFile, v: usize) -> Result<ImportedScene> {
             ln_sigma.exp()
         ));
     }
-    let provenance =
-        Provenance { trainer: Some("triangle-splatting2 or mesh-splatting".into()), ..Provenance::default() };
+    let provenance = Provenance {
+        trainer: Some("triangle-splatting2 or mesh-splatting".into()),
+        ..Provenance::default()
+    };
     Ok(ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() })
 }
 
@@ -160,7 +175,9 @@ fn read_mesh(file: &TorchFile, v: usize) -> Result<ImportedScene> {
 fn read_indices(file: &TorchFile, v: usize) -> Result<Vec<u32>> {
     let key = "_triangle_indices";
     let &[faces, 3] = file.shape(key)? else {
-        return Err(file.malformed(key, format!("has shape {:?}; expected [T, 3]", file.shape(key)?)));
+        return Err(
+            file.malformed(key, format!("has shape {:?}; expected [T, 3]", file.shape(key)?))
+        );
     };
     file.limits.triangles(file.label.display(), faces as u64)?;
     let shape: &[usize] = &[faces, 3];
@@ -247,7 +264,11 @@ impl TorchFile {
         if tensor.byte_len() as u64 > self.bytes {
             return Err(self.malformed(
                 key,
-                format!("promises {} bytes, but the whole file has {}", tensor.byte_len(), self.bytes),
+                format!(
+                    "promises {} bytes, but the whole file has {}",
+                    tensor.byte_len(),
+                    self.bytes
+                ),
             ));
         }
         let bytes = tensor.read().map_err(|e| match e.raw_os_error() {
@@ -255,16 +276,21 @@ impl TorchFile {
             None => self.malformed(key, e.to_string()),
         })?;
         if bytes.len() % size_of::<T>() != 0 {
-            return Err(self.malformed(key, format!("has {} bytes, which is no whole row", bytes.len())));
+            return Err(
+                self.malformed(key, format!("has {} bytes, which is no whole row", bytes.len()))
+            );
         }
-        let mut values = self.limits.zeroed::<T>(self.label.display(), bytes.len() / size_of::<T>())?;
+        let mut values =
+            self.limits.zeroed::<T>(self.label.display(), bytes.len() / size_of::<T>())?;
         bytemuck::cast_slice_mut(&mut values).copy_from_slice(&bytes);
         Ok(values)
     }
 
     /// A plain Python value stored with the tensors.
     fn scalar(&self, key: &str) -> Result<Option<PickleValue>> {
-        match PytorchReader::read_pickle_data(&self.file, None).map_err(|e| torch_error(&self.label, e))? {
+        match PytorchReader::read_pickle_data(&self.file, None)
+            .map_err(|e| torch_error(&self.label, e))?
+        {
             PickleValue::Dict(mut dict) => Ok(dict.remove(key)),
             _ => Ok(None),
         }
@@ -282,7 +308,8 @@ fn check_archive(source: &mut Source) -> Result<()> {
             format!("is a checkpoint from before PyTorch 1.6 or a bare pickle; {RESAVE}"),
         ));
     }
-    let zip_error = |e: zip::result::ZipError| Error::malformed(&path, "zip directory", e.to_string());
+    let zip_error =
+        |e: zip::result::ZipError| Error::malformed(&path, "zip directory", e.to_string());
     let mut archive = zip::ZipArchive::new(io::BufReader::new(&*source.file)).map_err(zip_error)?;
     let names = names(&archive);
     if format::is_sog(&names) {
@@ -321,9 +348,15 @@ fn check_archive(source: &mut Source) -> Result<()> {
 fn other_archive(names: &[String]) -> &'static str {
     let has = |ending: &str| names.iter().any(|name| name.to_ascii_lowercase().ends_with(ending));
     let photos = ["jpg", "jpeg", "png", "heic", "tif", "tiff"];
-    match photos.into_iter().any(has) && !["ply", "obj", "glb", "gltf", "usdc", "usda"].into_iter().any(has) {
-        true => "is a zip archive of photos; unpack it: `trisplat make` makes a scene of the folder",
-        false => "is a zip archive, and neither a checkpoint nor SOG; unpack it and give the file inside",
+    match photos.into_iter().any(has)
+        && !["ply", "obj", "glb", "gltf", "usdc", "usda"].into_iter().any(has)
+    {
+        true => {
+            "is a zip archive of photos; unpack it: `trisplat make` makes a scene of the folder"
+        }
+        false => {
+            "is a zip archive, and neither a checkpoint nor SOG; unpack it and give the file inside"
+        }
     }
 }
 

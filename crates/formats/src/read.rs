@@ -12,12 +12,14 @@ use trisplat_scene::{Asset, Error, ImportedScene, ImportedSplats, Limits, Result
 
 /// The format of an open file; otherwise an error that names its first bytes and the accepted formats.
 pub(super) fn detect(source: &mut Source) -> Result<Format> {
-    let (head, named) = (source.head()?, source.named());
+    let head = source.head()?;
+    let named = source.named();
     if let Some(kind) = format::recognise(&head, &named) {
         let refused = if format::UNREAD.contains(&kind) { format::unread } else { format::refusal };
         return Err(refused(&source.path, kind));
     }
-    if head.starts_with(b"PK") && named.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("usdz"))
+    if head.starts_with(b"PK")
+        && named.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("usdz"))
     {
         let reason = "is a USDZ, which is written and not read; give what it was made from, or convert it to .glb (Blender: import, export)";
         return Err(Error::unsupported(&source.path, reason));
@@ -26,7 +28,8 @@ pub(super) fn detect(source: &mut Source) -> Result<Format> {
         return Ok(format);
     }
     if let Some(kind) = photo(&head) {
-        let reason = format!("is a photo ({kind}), and no scene: `trisplat make` makes a scene of photos");
+        let reason =
+            format!("is a photo ({kind}), and no scene: `trisplat make` makes a scene of photos");
         return Err(Error::unsupported(&source.path, reason));
     }
     let seen = match (head.is_empty(), Format::by_extension(&named)) {
@@ -72,7 +75,11 @@ pub fn read_bytes(bytes: &[u8], format: Format, options: &ReadOptions) -> Result
 }
 
 /// The scene in an open file of that format.
-pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> Result<ImportedScene> {
+pub(super) fn read_as(
+    format: Format,
+    source: Source,
+    options: &ReadOptions,
+) -> Result<ImportedScene> {
     let (format, source) = html::inside(format, source)?;
     let path = source.path.clone();
     guarded(&path, || match format {
@@ -101,7 +108,9 @@ fn photo(head: &[u8]) -> Option<&'static str> {
 fn preview(head: &[u8]) -> String {
     let head = &head[..head.len().min(16)];
     match std::str::from_utf8(head) {
-        Ok(text) if !text.contains(|c: char| c.is_control() && c != '\n' && c != '\t' && c != '\r') => {
+        Ok(text)
+            if !text.contains(|c: char| c.is_control() && c != '\n' && c != '\t' && c != '\r') =>
+        {
             format!("{text:?}")
         }
         _ => {
@@ -140,9 +149,8 @@ impl Content {
 pub fn read_content(path: &Path, options: &ReadOptions) -> Result<Content> {
     let mut source = Source::open(path, &options.limits)?;
     match format_of_splats(&mut source, &options.limits)? {
-        Some(format) => {
-            read_splats(format, source, &ReadOptions { sh_degree: 3, ..*options }).map(Content::Splats)
-        }
+        Some(format) => read_splats(format, source, &ReadOptions { sh_degree: 3, ..*options })
+            .map(Content::Splats),
         None => read_as(detect(&mut source)?, source, options).map(Content::Scene),
     }
 }
@@ -153,7 +161,8 @@ pub fn holds_splats(path: &Path, limits: &Limits) -> bool {
     if path.as_os_str() == "-" {
         return false;
     }
-    let format = Source::open(path, limits).and_then(|mut source| format_of_splats(&mut source, limits));
+    let format =
+        Source::open(path, limits).and_then(|mut source| format_of_splats(&mut source, limits));
     format.is_ok_and(|format| format.is_some())
 }
 
@@ -175,7 +184,11 @@ pub(super) fn format_of_splats(source: &mut Source, limits: &Limits) -> Result<O
 }
 
 /// The Gaussians in an open file of that format, with the cameras in a list beside it.
-pub(super) fn read_splats(format: Format, source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
+pub(super) fn read_splats(
+    format: Format,
+    source: Source,
+    options: &ReadOptions,
+) -> Result<ImportedSplats> {
     let path = source.path.clone();
     guarded(&path, || {
         let mut loaded = match format {
@@ -248,10 +261,14 @@ pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<Writ
 /// The files that the scene at `path` names, whether they exist or not. A file that cannot be read names none: its
 /// reader reports the fault.
 pub fn named_files(path: &Path, limits: &Limits) -> Vec<PathBuf> {
-    let mut files = Vec::from_iter(splats::cameras::beside(path).filter(|_| holds_splats(path, limits)));
+    let mut files =
+        Vec::from_iter(splats::cameras::beside(path).filter(|_| holds_splats(path, limits)));
     // These hold everything themselves; a compressed one would be unpacked to be recognised.
     let alone = |path: &Path| {
-        matches!(Format::by_extension(path), Some(Format::Ply | Format::Pt | Format::Off | Format::Html))
+        matches!(
+            Format::by_extension(path),
+            Some(Format::Ply | Format::Pt | Format::Off | Format::Html)
+        )
     };
     if path.as_os_str() == "-" || is_packed(path) && alone(&path.with_extension("")) {
         return files;
@@ -286,7 +303,8 @@ mod tests {
             // Also under a scene's name.
             let path = folder.path().join("scene.ply");
             std::fs::write(&path, head).expect("writable");
-            let message = read(&path, &ReadOptions::with_degree(0)).expect_err("a photo").to_string();
+            let message =
+                read(&path, &ReadOptions::with_degree(0)).expect_err("a photo").to_string();
             assert!(message.contains(&format!("is a photo ({kind})")), "{message}");
             assert!(message.contains("`trisplat make`"), "{message}");
         }
@@ -296,9 +314,12 @@ mod tests {
     fn an_unknown_file_names_what_was_seen_and_what_is_accepted() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join("scene.glb");
-        for (content, seen) in [(&b""[..], "is empty"), (b"\0\x01rubbish", "named like binary glTF")] {
+        for (content, seen) in
+            [(&b""[..], "is empty"), (b"\0\x01rubbish", "named like binary glTF")]
+        {
             std::fs::write(&path, content).expect("writable");
-            let message = read(&path, &ReadOptions::with_degree(0)).expect_err("unknown").to_string();
+            let message =
+                read(&path, &ReadOptions::with_degree(0)).expect_err("unknown").to_string();
             assert!(message.contains(seen) && message.contains(".gltf"), "{message}");
         }
     }
@@ -311,7 +332,9 @@ mod content_tests {
     /// Writes `text` as the file `name` and returns the names of the files that it names.
     fn named(name: &str, text: &[u8], beside: &[(&str, &str)]) -> Vec<String> {
         let folder = tempfile::tempdir().unwrap();
-        beside.iter().for_each(|(name, text)| std::fs::write(folder.path().join(name), text).unwrap());
+        beside
+            .iter()
+            .for_each(|(name, text)| std::fs::write(folder.path().join(name), text).unwrap());
         let path = folder.path().join(name);
         std::fs::write(&path, text).unwrap();
         let files = named_files(&path, &Limits::DEFAULT);

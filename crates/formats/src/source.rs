@@ -35,12 +35,15 @@ impl Source {
         let (file, len) = match path.as_os_str() == "-" {
             true => input::spool(path, &mut std::io::stdin().lock(), limits)?,
             false if path.is_dir() => {
-                let reason = match path.join("scene.ply").is_file() && path.join("photos").is_dir() {
+                let reason = match path.join("scene.ply").is_file() && path.join("photos").is_dir()
+                {
                     true => format!(
                         "is a folder of `trisplat make`: its scene is {0}/scene.ply, its data set {0}/photos",
                         path.display()
                     ),
-                    false => format!("is a folder; give {ACCEPTED}; `trisplat make` makes a scene of photos"),
+                    false => format!(
+                        "is a folder; give {ACCEPTED}; `trisplat make` makes a scene of photos"
+                    ),
                 };
                 return Err(Error::unsupported(path, reason));
             }
@@ -92,16 +95,20 @@ pub fn unzipped_sog(path: &Path) -> Option<PathBuf> {
 /// The files of a folder as a zip archive, in a temporary file.
 fn zipped(folder: &Path, limits: &Limits) -> Result<(File, u64)> {
     let io = |e| Error::io(folder, e);
-    let entries = std::fs::read_dir(folder).map_err(io)?.collect::<std::io::Result<Vec<_>>>().map_err(io)?;
+    let entries =
+        std::fs::read_dir(folder).map_err(io)?.collect::<std::io::Result<Vec<_>>>().map_err(io)?;
     let mut files: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
-    files.retain(|path| path.is_file() && path.extension().is_some_and(|e| e == "webp" || e == "json"));
+    files.retain(|path| {
+        path.is_file() && path.extension().is_some_and(|e| e == "webp" || e == "json")
+    });
     files.sort();
     let zip_error = |e: zip::result::ZipError| Error::temporary(e.into());
     let mut zip = ZipWriter::new(tempfile::tempfile().map_err(Error::temporary)?);
     let stored = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
     for path in files {
         let (file, len) = input::open(&path, limits)?;
-        zip.start_file_from_path(path.file_name().unwrap_or_default(), stored).map_err(zip_error)?;
+        zip.start_file_from_path(path.file_name().unwrap_or_default(), stored)
+            .map_err(zip_error)?;
         std::io::copy(&mut file.take(len), &mut zip).map_err(|e| Error::io(&path, e))?;
     }
     let mut file = zip.finish().map_err(zip_error)?;
@@ -126,7 +133,8 @@ fn unpacked(path: &Path, mut file: File, len: u64, limits: &Limits) -> Result<(F
     }
     let place = "its compressed bytes";
     let damaged = |error| damaged(path, error, place, "gzip -t");
-    let (mut stream, mut head) = (flate2::read::MultiGzDecoder::new(file), Vec::new());
+    let mut stream = flate2::read::MultiGzDecoder::new(file);
+    let mut head = Vec::new();
     (&mut stream).take(HEAD).read_to_end(&mut head).map_err(io).map_err(damaged)?;
     let most = HEAD.saturating_add(needed(&head, len));
     let mut whole = head.chain(stream).take(most.saturating_add(1));
@@ -157,11 +165,15 @@ fn needed(head: &[u8], packed: u64) -> u64 {
     if !head.starts_with(b"ply") {
         return TEXT_RATIO.saturating_mul(packed.max(HEAD));
     }
-    let (mut rows, mut all) = (0u64, 0u64);
-    for line in String::from_utf8_lossy(head).lines().take_while(|line| line.trim() != "end_header") {
+    let mut rows = 0u64;
+    let mut all = 0u64;
+    for line in String::from_utf8_lossy(head).lines().take_while(|line| line.trim() != "end_header")
+    {
         match line.split_whitespace().collect::<Vec<_>>()[..] {
             ["element", _, count] => rows = count.parse().unwrap_or(0),
-            ["property", "list", ..] => all = all.saturating_add(rows.saturating_mul(NUMBER * CORNERS)),
+            ["property", "list", ..] => {
+                all = all.saturating_add(rows.saturating_mul(NUMBER * CORNERS))
+            }
             ["property", ..] => all = all.saturating_add(rows.saturating_mul(NUMBER)),
             _ => {}
         }
@@ -241,20 +253,27 @@ mod tests {
         let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
             element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
         let glb = [&b"glTF\x02\0\0\0"[..], &100u32.to_le_bytes()].concat();
-        for (name, head) in [("a.ply.gz", ply.as_bytes()), ("a.glb.gz", &glb), ("a.obj.gz", b"v 0 0 0\n")] {
+        for (name, head) in
+            [("a.ply.gz", ply.as_bytes()), ("a.glb.gz", &glb), ("a.obj.gz", b"v 0 0 0\n")]
+        {
             let path = folder.path().join(name);
             let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
             packed.write_all(head).expect("in memory");
             packed.write_all(&vec![b'\n'; 200 << 20]).expect("in memory");
             std::fs::write(&path, packed.finish().expect("in memory")).expect("writable");
             let error = Source::open(&path, &Limits::DEFAULT).expect_err(name).to_string();
-            assert!(error.contains(name) && error.contains("more than such a header needs"), "{error}");
+            assert!(
+                error.contains(name) && error.contains("more than such a header needs"),
+                "{error}"
+            );
         }
         assert_eq!(needed(ply.as_bytes(), 1), 64 * (3 * 3 + 4097));
         // Text without counts may shrink as much as it likes below 128 MiB.
         let path = folder.path().join("b.obj.gz");
         let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
-        packed.write_all(&[&b"v 0 0 0\n"[..], &vec![b'\n'; 100 << 20]].concat()).expect("in memory");
+        packed
+            .write_all(&[&b"v 0 0 0\n"[..], &vec![b'\n'; 100 << 20]].concat())
+            .expect("in memory");
         std::fs::write(&path, packed.finish().expect("in memory")).expect("writable");
         assert!(Source::open(&path, &Limits::DEFAULT).is_ok());
         assert_eq!(needed(b"v 0 0 0\n", 2 << 20), 256 << 20);

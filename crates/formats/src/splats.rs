@@ -30,7 +30,12 @@ pub(crate) fn zeroed(path: &Path, count: usize, sh_degree: u8, limits: &Limits) 
 }
 
 /// All bytes of a stream, at most `most`, within the limit of one array.
-pub(crate) fn read_all(path: &Path, from: impl Read, most: u64, limits: &Limits) -> Result<Vec<u8>> {
+pub(crate) fn read_all(
+    path: &Path,
+    from: impl Read,
+    most: u64,
+    limits: &Limits,
+) -> Result<Vec<u8>> {
     limits.reserve::<u8>(path.display(), &mut Vec::new(), 0)?;
     let most = most.min(limits.array_bytes);
     let mut bytes = Vec::new();
@@ -86,7 +91,9 @@ pub(crate) fn finish(
         splats.validate().map_err(|e| Error::malformed(path, "values", e.to_string()))?;
         if let Some(first) = finite.iter().position(|finite| !finite) {
             let dropped = counted((total - splats.len()) as u64, "Gaussian");
-            warnings.push(format!("dropped {dropped} with non-finite values (first: Gaussian {first})"));
+            warnings.push(format!(
+                "dropped {dropped} with non-finite values (first: Gaussian {first})"
+            ));
         }
     }
     note_origin(&mut provenance, &mut warnings, origin);
@@ -101,8 +108,10 @@ const BYTES: usize = 32;
 pub(crate) fn read(source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
     let path = &source.path;
     if !source.len.is_multiple_of(BYTES as u64) {
-        let reason =
-            format!("{} bytes are no whole number of Gaussians, {BYTES} bytes each: cut short", source.len);
+        let reason = format!(
+            "{} bytes are no whole number of Gaussians, {BYTES} bytes each: cut short",
+            source.len
+        );
         return Err(Error::malformed(path, "its length", reason));
     }
     let bytes = read_all(path, &*source.file, source.len, &options.limits)?;
@@ -117,7 +126,8 @@ pub(crate) fn read(source: Source, options: &ReadOptions) -> Result<ImportedSpla
         splats.scales[i] = Vec3::new(float(3), float(4), float(5));
         splats.sh[i] = [24, 25, 26].map(|at| sh0(f64::from(record[at]) / 255.0));
         splats.opacity[i] = f32::from(record[27]) / 255.0;
-        splats.rotations[i] = unit([28, 29, 30, 31].map(|at| (f64::from(record[at]) - 128.0) / 128.0));
+        splats.rotations[i] =
+            unit([28, 29, 30, 31].map(|at| (f64::from(record[at]) - 128.0) / 128.0));
     }
     finish(path, splats, Provenance::default(), Vec::new(), DVec3::ZERO)
 }

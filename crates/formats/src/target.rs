@@ -90,7 +90,10 @@ impl OutputTarget {
                 collision: Some(GODOT_COLLISION),
                 levels: Some(EngineLevels::GodotScene),
                 notes: &["vertex colours are sRGB codes; other viewers show this file washed out"],
-                ..plain("godot", SmallFile::No("its importer refuses quantised and compressed meshes"))
+                ..plain(
+                    "godot",
+                    SmallFile::No("its importer refuses quantised and compressed meshes"),
+                )
             },
             OutputTarget::Godot3 => TargetRow {
                 colors: ColorEncoding::F32Srgb,
@@ -112,7 +115,9 @@ impl OutputTarget {
                 notes: &["the material needs a Vertex Color node (docs/engines.md)"],
                 ..plain(
                     "unreal",
-                    SmallFile::No("its importer does not read meshopt, and 16-bit positions are untried"),
+                    SmallFile::No(
+                        "its importer does not read meshopt, and 16-bit positions are untried",
+                    ),
                 )
             },
             OutputTarget::Blender => TargetRow {
@@ -145,8 +150,11 @@ impl OutputTarget {
             notes.extend(kept.as_deref());
             notes.extend(row.small_notes);
         }
-        let positions =
-            if small && kept.is_none() { PositionEncoding::ChunkU16 } else { PositionEncoding::F32 };
+        let positions = if small && kept.is_none() {
+            PositionEncoding::ChunkU16
+        } else {
+            PositionEncoding::F32
+        };
         let options = GltfOptions {
             colors: row.colors,
             positions,
@@ -255,7 +263,10 @@ mod tests {
             let (small, notes) = target.encoding(true);
             let reads = matches!(
                 target,
-                OutputTarget::Unity | OutputTarget::Blender | OutputTarget::Web | OutputTarget::Playcanvas
+                OutputTarget::Unity
+                    | OutputTarget::Blender
+                    | OutputTarget::Web
+                    | OutputTarget::Playcanvas
             );
             assert_eq!(small.positions == PositionEncoding::ChunkU16, reads, "{target:?}");
             assert_eq!(small.meshopt, target == OutputTarget::Web, "{target:?}");

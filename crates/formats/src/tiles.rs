@@ -79,7 +79,8 @@ impl TilesetWriter {
     ///
     /// Errors: as [`Self::block`].
     pub(super) fn scene(&mut self, asset: &Asset) -> Result<TilesetTile> {
-        let root = self.tiles("r", asset, &Provenance { backdrop: 0, ..asset.provenance.clone() })?;
+        let root =
+            self.tiles("r", asset, &Provenance { backdrop: 0, ..asset.provenance.clone() })?;
         let Some((_, backdrop)) = asset.apart() else { return Ok(root) };
         // Always beside the scene: its box contains everything, so it would be replaced first.
         let extent = bounds(&backdrop.mesh, backdrop.mesh.face_count());
@@ -128,7 +129,8 @@ impl TilesetWriter {
         root: TilesetTile,
     ) -> Result<(AtomicFile, impl FnOnce() -> (PathBuf, u64))> {
         let generator = trisplat_scene::report::generator();
-        let (folder, most) = (self.address(""), self.most_tiles as usize);
+        let folder = self.address("");
+        let most = self.most_tiles as usize;
         let mut save = |place: &str, part: TilesetTile| {
             let text = json(&part.beside(&folder), &generator);
             self.put(&format!("set{place}"), "json", text.as_bytes())
@@ -148,7 +150,8 @@ impl TilesetWriter {
 
     /// Writes a tile and those below it; children have their parent's name with one more digit.
     fn tile(&mut self, name: &str, tile: &Tile, provenance: &Provenance) -> Result<TilesetTile> {
-        let asset = Asset { provenance: provenance.clone(), ..Asset::from(Mesh::clone(&tile.mesh)) };
+        let asset =
+            Asset { provenance: provenance.clone(), ..Asset::from(Mesh::clone(&tile.mesh)) };
         let own = self.above(name, &asset, tile.error, true, Vec::new())?;
         let below = tile.children.iter().enumerate();
         let children = below.map(|(i, child)| self.tile(&format!("{name}{i}"), child, provenance));
@@ -192,7 +195,9 @@ fn is_tile(name: &str) -> bool {
     let Some((hash, ending)) = hash.split_once('.') else { return false };
     let hashed = hash.len() == 16 && hash.bytes().all(|b| b.is_ascii_hexdigit());
     let in_tree = || {
-        let block = place.strip_prefix('b').map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
+        let block = place
+            .strip_prefix('b')
+            .map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
         let digits = block.unwrap_or(place).strip_prefix('r');
         digits.is_some_and(|digits| digits.bytes().all(|b| (b'0'..b'4').contains(&b)))
     };
@@ -238,7 +243,11 @@ impl TilesetTile {
     /// tile has more children. `save` writes a tileset for a place in the tree, and returns its address.
     ///
     /// Errors: as `save`.
-    fn split(self, most: usize, save: &mut dyn FnMut(&str, Self) -> Result<String>) -> Result<Self> {
+    fn split(
+        self,
+        most: usize,
+        save: &mut dyn FnMut(&str, Self) -> Result<String>,
+    ) -> Result<Self> {
         Ok(self.part("", most, save)?.0)
     }
 
@@ -249,7 +258,8 @@ impl TilesetTile {
         most: usize,
         save: &mut dyn FnMut(&str, Self) -> Result<String>,
     ) -> Result<(Self, usize)> {
-        let below = |i: usize| if place.is_empty() { i.to_string() } else { format!("{place}.{i}") };
+        let below =
+            |i: usize| if place.is_empty() { i.to_string() } else { format!("{place}.{i}") };
         let children = std::mem::take(&mut self.children).into_iter().enumerate();
         let parts: Vec<(Self, usize)> =
             children.map(|(i, child)| child.part(&below(i), most, save)).collect::<Result<_>>()?;
@@ -269,8 +279,13 @@ impl TilesetTile {
     }
 
     /// The tile in an external tileset, and the tile that links to it.
-    fn apart(self, place: &str, save: &mut dyn FnMut(&str, Self) -> Result<String>) -> Result<Self> {
-        let (bounds, error) = (self.all_bounds(), self.error);
+    fn apart(
+        self,
+        place: &str,
+        save: &mut dyn FnMut(&str, Self) -> Result<String>,
+    ) -> Result<Self> {
+        let bounds = self.all_bounds();
+        let error = self.error;
         let uri = Some(save(place, self)?);
         Ok(Self { uri, bounds, error, replaced: true, children: Vec::new() })
     }
@@ -338,7 +353,8 @@ pub fn bounds(mesh: &Mesh, faces: usize) -> Option<[DVec3; 2]> {
 /// Middle and half axes of a box. Tiles are Z-up, glTF in them is Y-up: (x, y, z) becomes (x, -z, y).
 fn volume(bounds: Option<[DVec3; 2]>) -> [f64; 12] {
     let [low, high] = bounds.unwrap_or_default();
-    let (middle, half) = ((low + high) / 2.0, ((high - low) / 2.0).max(DVec3::splat(1e-9)));
+    let middle = (low + high) / 2.0;
+    let half = ((high - low) / 2.0).max(DVec3::splat(1e-9));
     [middle.x, -middle.z, middle.y, half.x, 0.0, 0.0, 0.0, half.z, 0.0, 0.0, 0.0, half.y]
 }
 
@@ -348,19 +364,27 @@ mod tests {
 
     #[test]
     fn names_say_what_is_a_tileset_and_what_a_tile() {
-        for (path, folder) in
-            [("a/tileset.json", "a/tiles"), ("b.tileset.json", "b.tiles"), ("C.TILESET.JSON", "C.tiles")]
-        {
+        for (path, folder) in [
+            ("a/tileset.json", "a/tiles"),
+            ("b.tileset.json", "b.tiles"),
+            ("C.TILESET.JSON", "C.tiles"),
+        ] {
             assert!(is_tileset(Path::new(path)), "{path}");
             assert_eq!(folder_of(Path::new(path)), Path::new(folder));
         }
         assert!(!is_tileset(Path::new("a.json")) && !is_tileset(Path::new("mytileset.json")));
         assert!(is_tile("r-0123456789abcdef.glb") && is_tile("r0123-0123456789abcdef.glb"));
         assert!(is_tile("backdrop-0123456789abcdef.glb") && is_tile("b17r02-0123456789abcdef.glb"));
-        assert!(is_tile("set0.12-0123456789abcdef.json") && !is_tile("settings-0123456789abcdef.json"));
-        for other in
-            ["r-0123.glb", "r4-0123456789abcdef.glb", "robot.glb", "r0-0123456789abcdeg.glb", "r0.bin"]
-        {
+        assert!(
+            is_tile("set0.12-0123456789abcdef.json") && !is_tile("settings-0123456789abcdef.json")
+        );
+        for other in [
+            "r-0123.glb",
+            "r4-0123456789abcdef.glb",
+            "robot.glb",
+            "r0-0123456789abcdeg.glb",
+            "r0.bin",
+        ] {
             assert!(!is_tile(other), "{other}");
         }
     }
@@ -377,26 +401,40 @@ mod tileset_tests {
 
     #[test]
     fn every_level_is_the_child_of_the_coarser_one() {
-        let (fine, coarse) = (DVec3::new(2.0, 4.0, 8.0), DVec3::new(1.0, 2.0, 4.0));
-        let root = TilesetTile::chain([tile("a.glb", fine, 0.0), tile("a.lod1.glb", coarse, 0.25)]).unwrap();
+        let fine = DVec3::new(2.0, 4.0, 8.0);
+        let coarse = DVec3::new(1.0, 2.0, 4.0);
+        let root = TilesetTile::chain([tile("a.glb", fine, 0.0), tile("a.lod1.glb", coarse, 0.25)])
+            .unwrap();
         let set: Value = serde_json::from_str(&json(&root, "me")).unwrap();
-        let (root, child) = (&set["root"], &set["root"]["children"][0]);
+        let root = &set["root"];
+        let child = &set["root"]["children"][0];
         assert_eq!(
             (&root["content"]["uri"], &child["content"]["uri"]),
             (&json!("a.lod1.glb"), &json!("a.glb"))
         );
-        assert_eq!((&root["geometricError"], &child["geometricError"]), (&json!(0.25), &json!(0.0)));
+        assert_eq!(
+            (&root["geometricError"], &child["geometricError"]),
+            (&json!(0.25), &json!(0.0))
+        );
         assert!(set["geometricError"].as_f64().unwrap() > 0.25 && child.get("children").is_none());
         let inner = json!([1.0, -4.0, 2.0, 1.0, 0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 2.0]);
-        assert_eq!((&root["boundingVolume"]["box"], &child["boundingVolume"]["box"]), (&inner, &inner));
+        assert_eq!(
+            (&root["boundingVolume"]["box"], &child["boundingVolume"]["box"]),
+            (&inner, &inner)
+        );
         assert_eq!(root["refine"], "REPLACE");
     }
 
     /// A tree of `levels`, four tiles below each.
     fn tree(levels: u32, place: &str) -> TilesetTile {
-        let children =
-            (0..4).filter(|_| levels > 1).map(|i| tree(levels - 1, &format!("{place}{i}"))).collect();
-        TilesetTile { children, ..tile(&format!("s.tiles/r{place}.glb"), DVec3::ONE, f64::from(levels - 1)) }
+        let children = (0..4)
+            .filter(|_| levels > 1)
+            .map(|i| tree(levels - 1, &format!("{place}{i}")))
+            .collect();
+        TilesetTile {
+            children,
+            ..tile(&format!("s.tiles/r{place}.glb"), DVec3::ONE, f64::from(levels - 1))
+        }
     }
 
     #[test]

@@ -27,7 +27,11 @@ const LIT: &str = "                color3f inputs:diffuseColor.connect = ";
 /// Writes an asset, whose texture is the file `picture` of that name, as its mesh without levels.
 ///
 /// Errors: those of `out`.
-pub(crate) fn write(out: &mut dyn Write, picture: Option<(&str, &[u8])>, asset: &Asset) -> io::Result<()> {
+pub(crate) fn write(
+    out: &mut dyn Write,
+    picture: Option<(&str, &[u8])>,
+    asset: &Asset,
+) -> io::Result<()> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     let stored = SimpleFileOptions::default()
         .compression_method(zip::CompressionMethod::Stored)

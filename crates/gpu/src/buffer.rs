@@ -39,7 +39,8 @@ pub fn filled<T: NoUninit + Send>(
     let unmappable = |e| Error::Gpu(format!("{what} of {size} bytes: {e}"));
     let mut view = buffer.slice(..).get_mapped_range_mut().map_err(unmappable)?;
     for first in (0..count).step_by(BATCH) {
-        let elements: Vec<T> = parallel::collect(BATCH.min(count - first), GRAIN, |at| element(first + at));
+        let elements: Vec<T> =
+            parallel::collect(BATCH.min(count - first), GRAIN, |at| element(first + at));
         let bytes: &[u8] = bytemuck::cast_slice(&elements);
         view.slice(first * width..first * width + bytes.len()).copy_from_slice(bytes);
     }

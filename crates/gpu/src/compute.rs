@@ -20,7 +20,8 @@ impl Kernel {
     /// Errors: the card or its driver rejects it.
     pub fn new(gpu: &Gpu, name: &'static str, source: String) -> Result<Self> {
         let source = ShaderSource::Wgsl(source.into());
-        let module = gpu.device.create_shader_module(ShaderModuleDescriptor { label: Some(name), source });
+        let module =
+            gpu.device.create_shader_module(ShaderModuleDescriptor { label: Some(name), source });
         let pipeline = gpu.device.create_compute_pipeline(&ComputePipelineDescriptor {
             label: Some(name),
             layout: None,

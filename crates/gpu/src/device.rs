@@ -70,12 +70,18 @@ impl AdapterOptions {
         found.sort_by_key(rank);
         let names: Vec<String> = found.iter().map(describe).collect();
         let wanted = self.adapter.as_deref().unwrap_or_default().to_lowercase();
-        let mut named: Vec<Adapter> =
-            found.into_iter().filter(|a| a.get_info().name.to_lowercase().contains(&wanted)).collect();
+        let mut named: Vec<Adapter> = found
+            .into_iter()
+            .filter(|a| a.get_info().name.to_lowercase().contains(&wanted))
+            .collect();
         if named.is_empty() {
             return Err(match names.as_slice() {
                 [] => Error::Gpu(nothing_found(self.graphics_api)),
-                names => Error::invalid("adapter", &wanted, format!("part of one of: {}", names.join(", "))),
+                names => Error::invalid(
+                    "adapter",
+                    &wanted,
+                    format!("part of one of: {}", names.join(", ")),
+                ),
             });
         }
         if let Some(surface) = surface {
@@ -95,7 +101,8 @@ impl AdapterOptions {
         let modern = Backends::VULKAN | Backends::METAL | Backends::DX12;
         let mut descriptor = InstanceDescriptor::new_without_display_handle().with_env();
         descriptor.flags.remove(InstanceFlags::VALIDATION_INDIRECT_CALL);
-        descriptor.backends = self.graphics_api.map_or(descriptor.backends, GraphicsApi::backends) & modern;
+        descriptor.backends =
+            self.graphics_api.map_or(descriptor.backends, GraphicsApi::backends) & modern;
         let backends = descriptor.backends;
         let wanted = self.adapter.as_deref().unwrap_or_default().to_lowercase();
         let found = pollster::block_on(Instance::new(descriptor).enumerate_adapters(backends));
@@ -112,7 +119,8 @@ impl AdapterOptions {
 /// NVIDIA's, WSL's, Tegra's, Arm's or Qualcomm's.
 fn may_have_card() -> bool {
     let files = ["dri", "nvidia0", "nvidiactl", "dxg", "nvhost-gpu", "mali0", "kgsl-3d0"];
-    !cfg!(target_os = "linux") || files.iter().any(|file| std::path::Path::new("/dev").join(file).exists())
+    !cfg!(target_os = "linux")
+        || files.iter().any(|file| std::path::Path::new("/dev").join(file).exists())
 }
 
 fn is_real(kind: DeviceType) -> bool {
@@ -121,7 +129,9 @@ fn is_real(kind: DeviceType) -> bool {
 
 fn nothing_found(api: Option<GraphicsApi>) -> String {
     let asked = match api {
-        Some(api) => format!("no graphics card answers through {api:?}; try another `graphics_api`, or"),
+        Some(api) => {
+            format!("no graphics card answers through {api:?}; try another `graphics_api`, or")
+        }
         None => "no graphics card answers;".to_owned(),
     };
     format!("{asked} install its driver, or Mesa's software Vulkan (Debian: mesa-vulkan-drivers)")
@@ -188,8 +198,9 @@ impl Gpu {
             required_limits: limits,
             ..DeviceDescriptor::default()
         });
-        let (device, queue) = pollster::block_on(request)
-            .map_err(|e| Error::Gpu(format!("{} ({}) cannot be opened: {e}", info.name, info.backend)))?;
+        let (device, queue) = pollster::block_on(request).map_err(|e| {
+            Error::Gpu(format!("{} ({}) cannot be opened: {e}", info.name, info.backend))
+        })?;
         let first_error = Arc::new(Mutex::new(None));
         let keep = |first: &Arc<Mutex<Option<String>>>| {
             let first = first.clone();
@@ -197,7 +208,8 @@ impl Gpu {
                 first.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(what);
             }
         };
-        let (error, lost) = (keep(&first_error), keep(&first_error));
+        let error = keep(&first_error);
+        let lost = keep(&first_error);
         device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| error(one_line(&e.to_string()))));
         device.set_device_lost_callback(move |reason, message| {
             let why = if message.is_empty() { format!("{reason:?}") } else { one_line(&message) };
@@ -216,7 +228,8 @@ impl Gpu {
 
     /// Waits until the work up to `submission`, or all work, is done; errors as [`Gpu::check`].
     pub fn wait(&self, submission: Option<SubmissionIndex>) -> Result<()> {
-        let waited = self.device.poll(PollType::Wait { submission_index: submission, timeout: None });
+        let waited =
+            self.device.poll(PollType::Wait { submission_index: submission, timeout: None });
         if waited.is_err() {
             // A lost device reports it when polled, and has no submissions after that.
             let _ = self.device.poll(PollType::Poll);

@@ -5,8 +5,8 @@ use bytemuck::{AnyBitPattern, NoUninit};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use trisplat_scene::{Error, Result};
 use wgpu::{
-    Buffer, BufferAsyncError, BufferDescriptor, BufferUsages, CommandEncoder, Extent3d, MapMode, PollType,
-    SubmissionIndex, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture,
+    Buffer, BufferAsyncError, BufferDescriptor, BufferUsages, CommandEncoder, Extent3d, MapMode,
+    PollType, SubmissionIndex, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture,
 };
 
 /// The texels of a texture of four bytes per texel, rows from the top. `[H * W]`
@@ -16,7 +16,8 @@ pub fn texels(gpu: &Gpu, texture: &Texture) -> Result<Vec<[u8; 4]>> {
     let size = u64::from(pitch) * u64::from(height);
     let mut readback = Readback::new(gpu, size);
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    let layout = TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(pitch), rows_per_image: None };
+    let layout =
+        TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(pitch), rows_per_image: None };
     let to = TexelCopyBufferInfo { buffer: &readback.staging, layout };
     encoder.copy_texture_to_buffer(texture.as_image_copy(), to, texture.size());
     readback.submitted(gpu.queue.submit([encoder.finish()]));
@@ -28,7 +29,11 @@ pub fn texels(gpu: &Gpu, texture: &Texture) -> Result<Vec<[u8; 4]>> {
 }
 
 /// The first `count` elements of a buffer that can be copied from, when all work is done.
-pub fn elements<T: AnyBitPattern + NoUninit>(gpu: &Gpu, buffer: &Buffer, count: usize) -> Result<Vec<T>> {
+pub fn elements<T: AnyBitPattern + NoUninit>(
+    gpu: &Gpu,
+    buffer: &Buffer,
+    count: usize,
+) -> Result<Vec<T>> {
     let size = (count * size_of::<T>()) as u64;
     if size == 0 {
         return Ok(Vec::new());
@@ -85,7 +90,11 @@ impl Readback {
     /// The bytes read; `None` while the card has not reached the copy. `wait` waits for it.
     ///
     /// Errors: those of the card.
-    pub fn take<T: AnyBitPattern + NoUninit>(&mut self, gpu: &Gpu, wait: bool) -> Result<Option<Vec<T>>> {
+    pub fn take<T: AnyBitPattern + NoUninit>(
+        &mut self,
+        gpu: &Gpu,
+        wait: bool,
+    ) -> Result<Option<Vec<T>>> {
         let Some((submission, receiver)) = &self.mapped else { return Ok(None) };
         if wait {
             gpu.wait(Some(submission.clone()))?;

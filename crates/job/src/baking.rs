@@ -123,22 +123,35 @@ impl BakeJob {
     /// Bakes and writes the files of `output`: planned by [`BakeOptions::plan_output`], already started.
     ///
     /// Errors: as for [`BakeJob::save`].
-    pub fn write(self, output: &Output, files: OutputFiles, observer: Observer<'_>) -> Result<BakeDone> {
+    pub fn write(
+        self,
+        output: &Output,
+        files: OutputFiles,
+        observer: Observer<'_>,
+    ) -> Result<BakeDone> {
         self.run_to(Some((output, files)), observer)
     }
 
-    fn run_to(self, to: Option<(&Output, OutputFiles)>, observer: Observer<'_>) -> Result<BakeDone> {
+    fn run_to(
+        self,
+        to: Option<(&Output, OutputFiles)>,
+        observer: Observer<'_>,
+    ) -> Result<BakeDone> {
         let began = self.began.unwrap_or_else(Instant::now);
         let mut report = Report::new("bake");
         report.inputs = self.names();
-        report.warnings.extend(self.photos.iter().flat_map(|photos| photos.warnings.iter().cloned()));
+        report
+            .warnings
+            .extend(self.photos.iter().flat_map(|photos| photos.warnings.iter().cloned()));
         let Scenes { scenes, mut views } = self.scenes(&mut report, observer)?;
         let mut options = self.options;
         let asset = match (self.max_bytes, &to) {
             (Some(limit), Some((output, _))) => {
-                let found = fitted(limit, &scenes, views.as_mut(), &options, output, &report, observer)?;
+                let found =
+                    fitted(limit, &scenes, views.as_mut(), &options, output, &report, observer)?;
                 drop(scenes);
-                (options, report) = (found.options, found.report);
+                options = found.options;
+                report = found.report;
                 found.asset
             }
             _ => {
@@ -148,7 +161,14 @@ impl BakeJob {
         };
         report.options = serde_json::to_value(&options).unwrap_or_default();
         if let Some((output, files)) = to {
-            output::write(&asset, output, files, &options.output, &mut report, &mut stages(observer))?;
+            output::write(
+                &asset,
+                output,
+                files,
+                &options.output,
+                &mut report,
+                &mut stages(observer),
+            )?;
         }
         report.seconds = began.elapsed().as_secs_f64();
         Ok(BakeDone { asset, report })
@@ -182,7 +202,8 @@ impl BakeJob {
                 let most = self.options.prune.max_triangles;
                 let training = harden::training(steps, soft.scene.triangle_count(), most);
                 let photos = self.photos.as_ref();
-                let (options, has_photos) = (&self.options.background, photos.is_some());
+                let options = &self.options.background;
+                let has_photos = photos.is_some();
                 let soft = report.stage(
                     &mut stages(observer),
                     soft,
@@ -207,7 +228,8 @@ impl BakeJob {
     ) -> Result<Scenes> {
         let effort = Effort::of(self.options.preset, self.harden);
         let amount = (effort, self.options.prune.max_triangles);
-        let (photos, how) = (self.photos.as_ref(), &self.dataset_options);
+        let photos = self.photos.as_ref();
+        let how = &self.dataset_options;
         let solid = gaussians::solid((self.path(), splats), photos, how, amount, report, observer)?;
         add(solid.stage, report, observer);
         Ok(Scenes { scenes: vec![solid.scene], views: views.or(solid.pictures) })
@@ -223,7 +245,8 @@ impl BakeJob {
 
     /// Reads every input. Readers run one after the other, so that memory holds one file's spare buffers at a time.
     fn read(&self) -> Result<Inputs> {
-        let is_stream = |input: &&BakeInput| matches!(input, BakeInput::File(p) if p.as_os_str() == "-");
+        let is_stream =
+            |input: &&BakeInput| matches!(input, BakeInput::File(p) if p.as_os_str() == "-");
         if self.inputs.iter().filter(is_stream).count() > 1 {
             return Err(Error::invalid("inputs", "- -", "standard input once"));
         }

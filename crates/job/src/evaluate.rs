@@ -109,18 +109,20 @@ impl EvalJob {
         let views = self.split.some_of(dataset)?;
         let background = self.dataset_options.background.to_f32();
         let mut corrected = Strengths::NONE;
-        let (read, steps) = match formats::read_content(&self.file, &self.dataset_options.read_options(3))? {
-            Content::Scene(loaded) => {
-                corrected = loaded.provenance.exposure.map_or(Strengths::NONE, Strengths::from);
-                (
+        let (read, steps) =
+            match formats::read_content(&self.file, &self.dataset_options.read_options(3))? {
+                Content::Scene(loaded) => {
+                    corrected = loaded.provenance.exposure.map_or(Strengths::NONE, Strengths::from);
+                    (
+                        loaded.warnings.clone(),
+                        steps::steps(&self.file, loaded, &self.render, dataset, background)?,
+                    )
+                }
+                Content::Splats(loaded) => (
                     loaded.warnings.clone(),
-                    steps::steps(&self.file, loaded, &self.render, dataset, background)?,
-                )
-            }
-            Content::Splats(loaded) => {
-                (loaded.warnings.clone(), steps::steps_of_splats(loaded, &self.render, dataset, background)?)
-            }
-        };
+                    steps::steps_of_splats(loaded, &self.render, dataset, background)?,
+                ),
+            };
         let mut warnings = [dataset.warnings.clone(), read].concat();
         if views.iter().any(|view| view.photo.mask.is_some() && !view.photo.is_cut()) {
             warnings.push("masked pixels were left out of the scores".into());
@@ -159,7 +161,10 @@ impl<'a> ReadyEval<'a> {
     /// Draws and measures every photo; `on_view` gets the number of each and its drawings.
     ///
     /// Errors: photos that cannot be decoded; those of `on_view`.
-    pub fn run(mut self, on_view: impl FnMut(usize, &[ScoredPicture]) -> Result<()>) -> Result<EvalReport> {
+    pub fn run(
+        mut self,
+        on_view: impl FnMut(usize, &[ScoredPicture]) -> Result<()>,
+    ) -> Result<EvalReport> {
         let photo_bytes = self.job.dataset_options.photo_bytes();
         let steps = self.scores(photo_bytes, on_view)?;
         Ok(EvalReport {
@@ -182,7 +187,9 @@ impl<'a> ReadyEval<'a> {
     ) -> Result<Vec<StepScore>> {
         let views = &self.views;
         for step in &self.steps {
-            views.iter().try_for_each(|view| step.renderer.validate(view.camera.size, &view.photo.limits))?;
+            views.iter().try_for_each(|view| {
+                step.renderer.validate(view.camera.size, &view.photo.limits)
+            })?;
         }
         let own = self.own_exposures()?;
         let views = &self.views;
@@ -210,12 +217,15 @@ impl<'a> ReadyEval<'a> {
             images.iter_mut().zip(drawn).for_each(|(images, drawn)| images.push(drawn.score));
         }
         let mut scores: Vec<StepScore> = Vec::with_capacity(self.steps.len());
-        for (((step, images), at_own), draw_secs) in self.steps.iter().zip(images).zip(at_own).zip(secs) {
+        for (((step, images), at_own), draw_secs) in
+            self.steps.iter().zip(images).zip(at_own).zip(secs)
+        {
             let mean = scores::mean(images.iter().map(|image| &image.score));
             let surface = step.renderer.surface().filter(|_| self.job.off_camera);
             scores.push(StepScore {
                 depth: surface.and_then(|(mesh, near)| off_camera::depth(mesh, near, self.dataset)),
-                beside: surface.and_then(|(mesh, near)| off_camera::beside(mesh, near, self.dataset)),
+                beside: surface
+                    .and_then(|(mesh, near)| off_camera::beside(mesh, near, self.dataset)),
                 name: step.name.to_owned(),
                 triangles: step.triangles,
                 splats: step.renderer.splat_count(),
@@ -235,8 +245,10 @@ impl<'a> ReadyEval<'a> {
     fn own_exposures(&self) -> Result<Vec<Option<[f32; 3]>>> {
         let is_tracked = |view: &&View| !view.tracked.is_empty();
         let unknown = vec![None; self.views.len()];
-        let has_points = compared_points(self.dataset).is_some() && self.views.iter().all(is_tracked);
-        if !self.job.off_camera || !has_points || self.views.iter().any(|view| view.photo.is_cut()) {
+        let has_points =
+            compared_points(self.dataset).is_some() && self.views.iter().all(is_tracked);
+        if !self.job.off_camera || !has_points || self.views.iter().any(|view| view.photo.is_cut())
+        {
             return Ok(unknown);
         }
         let all = &self.dataset.views;
@@ -249,7 +261,8 @@ impl<'a> ReadyEval<'a> {
         let sizes: Vec<UVec2> = all.iter().map(|view| view.camera.size).collect();
         let is_trained: Vec<bool> = all.iter().map(|view| !view.test).collect();
         let own = own_exposures(&lights, &sizes, &is_trained, self.corrected);
-        let of_view = |view: &&View| own[all.iter().position(|other| std::ptr::eq(other, *view))?];
+        let of_view =
+            |view: &&View| own[all.iter().position(|other| std::ptr::eq(other, *view))?];
         Ok(self.views.iter().map(of_view).collect())
     }
 }

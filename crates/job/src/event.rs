@@ -98,7 +98,9 @@ pub(super) fn begin<'a>(
 ) -> Result<impl FnMut(TrainEvent<'_>) -> ControlFlow<()> + use<'a>> {
     let part = begins.part;
     match observer(Event::Begins(begins)) {
-        ControlFlow::Continue(()) => Ok(move |event: TrainEvent<'_>| observer(Event::Train(part, event))),
+        ControlFlow::Continue(()) => {
+            Ok(move |event: TrainEvent<'_>| observer(Event::Train(part, event)))
+        }
         ControlFlow::Break(()) => {
             let what = "stopped before a training began; nothing was written".to_owned();
             Err(Error::Stopped { what })
@@ -129,5 +131,7 @@ pub(super) fn on_drawn(observer: Observer<'_>) -> impl FnMut(usize, usize) {
 pub(super) fn stopped(what: &str, training: &Trained) -> Error {
     let steps = counted(training.options.steps, "step");
     let place = format!("stopped in {what}, after {} of {steps}", training.steps);
-    Error::Stopped { what: format!("{place}; nothing was written, and the same command begins again") }
+    Error::Stopped {
+        what: format!("{place}; nothing was written, and the same command begins again"),
+    }
 }

@@ -8,7 +8,8 @@ use super::event::{Observer, TrainBegins, TrainPart, begin, stopped};
 use glam::UVec2;
 use std::sync::Arc;
 use trisplat_dataset::exposure::{
-    ExposureEvidence, ExposureUse, LeftOutPhoto, Light, Solved, Strengths, compared_points, compared_size,
+    ExposureEvidence, ExposureUse, LeftOutPhoto, Light, Solved, Strengths, compared_points,
+    compared_size,
 };
 use trisplat_dataset::{Dataset, DatasetOptions, Photo, View};
 use trisplat_raster::soft::{SoftOptions, SoftRasterizer, Window};
@@ -65,7 +66,9 @@ pub(super) fn decide(
         return Ok(AsTaken("photos track no points, so their exposures are unknown"));
     }
     if count < MIN_PHOTOS {
-        return Ok(AsTaken("there are too few photos to leave some out (`exposure` on corrects them)"));
+        return Ok(AsTaken(
+            "there are too few photos to leave some out (`exposure` on corrects them)",
+        ));
     }
     if !has_time(dataset, options, budget_secs) {
         let why = "there is no time to leave photos out of a short training (`exposure` on corrects them)";
@@ -76,7 +79,11 @@ pub(super) fn decide(
     let solved = solve_exposures(dataset, |i| {
         let photo = Arc::new(views[i].photo.decode()?);
         let camera = views[i].camera.within(LONGER_PX);
-        small.push(View { camera, photo: Photo::drawn(photo.downscaled(camera.size)), ..views[i].clone() });
+        small.push(View {
+            camera,
+            photo: Photo::drawn(photo.downscaled(camera.size)),
+            ..views[i].clone()
+        });
         Ok(photo.clone().shared_at(compared_size(photo.size)))
     })?;
     let Some(solved) = solved else { return Ok(AsTaken("there are too few photos to compare")) };
@@ -117,7 +124,8 @@ fn trial_options(small: &Dataset, seed: u64) -> TrainOptions {
 
 /// Whether the trainings take little of the time of the run. Expected seconds decide instead of a clock, so equal runs decide alike.
 fn has_time(dataset: &Dataset, options: &TrainOptions, budget_secs: Option<f64>) -> bool {
-    let largest = dataset.train().map(|view| view.camera).max_by_key(|camera| camera.size.element_product());
+    let largest =
+        dataset.train().map(|view| view.camera).max_by_key(|camera| camera.size.element_product());
     let Some(camera) = largest else { return false };
     let secs = |options: &TrainOptions, photo: UVec2| -> f64 {
         part_secs(options, photo, options.max_triangles).iter().sum()
@@ -137,7 +145,8 @@ fn train(
     how: &DatasetOptions,
     observer: Observer<'_>,
 ) -> Result<Trained> {
-    let begins = TrainBegins { part: TrainPart::Trial, steps: options.steps, ..TrainBegins::default() };
+    let begins =
+        TrainBegins { part: TrainPart::Trial, steps: options.steps, ..TrainBegins::default() };
     let run = TrainRun::new(fold, &options).with_dataset_options(how);
     let trained = run.run(&mut begin(observer, &begins)?)?;
     match trained.stopped {
@@ -156,7 +165,8 @@ fn compare(
     let cameras: Vec<_> = fold.views.iter().map(|view| view.camera).collect();
     let positions: Vec<_> = fold.points.iter().map(|point| point.position).collect();
     let space = SceneNormalization::new(&cameras, &positions);
-    let drawing = SoftOptions { window: Window::Coverage { width_px: 1.0 }, ..SoftOptions::default() };
+    let drawing =
+        SoftOptions { window: Window::Coverage { width_px: 1.0 }, ..SoftOptions::default() };
     let scene = EvalScene::new(&trained.soup, &space, &drawing);
     let mut soft = SoftRasterizer::new();
     let mut solid = SolidRasterizer::new();
@@ -166,7 +176,8 @@ fn compare(
             continue;
         }
         let photo: RgbImage = view.photo.decode()?;
-        let drawn = scene.draw(&space.camera_to_training(&view.camera), &drawing, &mut soft, &mut solid);
+        let drawn =
+            scene.draw(&space.camera_to_training(&view.camera), &drawing, &mut soft, &mut solid);
         left_out.push(LeftOutPhoto {
             cells: Light::beside_drawing(&photo, &drawn),
             gains: solved.exposures.gains[i],
@@ -191,13 +202,20 @@ mod tests {
     #[test]
     fn a_run_has_time_for_trainings_of_a_tenth_of_it() -> Result<()> {
         let folder = tempfile::tempdir().unwrap();
-        let options =
-            trisplat_synthetic::SyntheticOptions { views: 24, width: 24, points: 50, ..Default::default() };
+        let options = trisplat_synthetic::SyntheticOptions {
+            views: 24,
+            width: 24,
+            points: 50,
+            ..Default::default()
+        };
         trisplat_synthetic::write(folder.path(), &options)?;
         let photos = Dataset::load(folder.path(), &DatasetOptions::default())?;
         let run = |steps| TrainOptions { steps, max_triangles: 20_000, ..TrainOptions::default() };
         assert!(!has_time(&photos, &run(100), None) && has_time(&photos, &run(100_000), None));
-        assert!(!has_time(&photos, &run(100_000), Some(1.0)) && has_time(&photos, &run(100), Some(1000.0)));
+        assert!(
+            !has_time(&photos, &run(100_000), Some(1.0))
+                && has_time(&photos, &run(100), Some(1000.0))
+        );
         Ok(())
     }
 }

@@ -47,17 +47,21 @@ pub(super) fn fitted(
     };
     let bytes = |asset: &Asset, options: &BakeOptions| -> Result<u64> {
         let mut unread = Report::default();
-        output::write(asset, output, output.dry_run(), &options.output, &mut unread, &mut |_| Continue(()))?;
+        output::write(asset, output, output.dry_run(), &options.output, &mut unread, &mut |_| {
+            Continue(())
+        })?;
         Ok(unread.outputs.iter().map(|file| file.bytes).sum())
     };
-    let (plain, sightless) = (plain(options), sightless(scenes, options));
+    let plain = plain(options);
+    let sightless = sightless(scenes, options);
     let trial = |most: Option<u64>| {
         let options = with(&plain, most);
         let asset = Bake::new(&options).run(sightless.iter().cloned())?;
         Ok((asset.counts().triangles, bytes(&asset, &options)?))
     };
     let make = |most: Option<u64>| -> Result<(u64, Fitted)> {
-        let (options, mut report) = (with(options, most), report.clone());
+        let options = with(options, most);
+        let mut report = report.clone();
         let _ = observer(Event::Fits { limit, triangles: most });
         let bake = Bake::new(&options).photos(views.as_deref_mut()).report(&mut report);
         let asset = bake.observer(&mut stages(observer)).run(scenes.iter().cloned())?;
@@ -77,12 +81,17 @@ fn most_within<T>(
     mut make: impl FnMut(Option<u64>) -> Result<(u64, T)>,
 ) -> Result<T> {
     let too_few = |least: f64| {
-        Error::invalid("max_bytes", limit, format!("{} or more, for a single triangle", least.ceil()))
+        Error::invalid(
+            "max_bytes",
+            limit,
+            format!("{} or more, for a single triangle", least.ceil()),
+        )
     };
     let aim = AIM * limit as f64;
     let (all, whole) = trial(max_triangles)?;
     // A point on the line of bytes by triangles.
-    let (mut from, mut most) = ((0.0, 0.0), max_triangles);
+    let mut from = (0.0, 0.0);
+    let mut most = max_triangles;
     if whole > limit {
         let few = ((aim / whole as f64 * all as f64) as u64).max(1);
         let (_, part) = trial(Some(few))?;
@@ -103,15 +112,16 @@ fn most_within<T>(
             best = Some((bytes, scene));
         }
         let enough = if made == 1 { NEAR } else { CLOSE } * limit as f64;
-        if best
-            .as_ref()
-            .is_some_and(|(most, _)| *most as f64 >= enough || bytes <= limit && now.0 >= all as f64)
-        {
+        if best.as_ref().is_some_and(|(most, _)| {
+            *most as f64 >= enough || bytes <= limit && now.0 >= all as f64
+        }) {
             break;
         }
         let each = (now.1 - from.1) / (now.0 - from.0);
-        let next = if each > 0.0 { now.0 + (aim - now.1) / each } else { now.0 * aim / now.1.max(1.0) };
-        (from, most) = (now, Some(next.clamp(1.0, all.max(1) as f64) as u64));
+        let next =
+            if each > 0.0 { now.0 + (aim - now.1) / each } else { now.0 * aim / now.1.max(1.0) };
+        from = now;
+        most = Some(next.clamp(1.0, all.max(1) as f64) as u64);
         if most == Some(now.0 as u64) {
             break;
         }
@@ -122,10 +132,12 @@ fn most_within<T>(
 /// Options for a file of the same size, without the stages that use pictures.
 fn plain(options: &BakeOptions) -> BakeOptions {
     let mut plain = options.clone();
-    (plain.teacher, plain.reshape) = (TeacherOptions::OFF, ReshapeOptions::OFF);
+    plain.teacher = TeacherOptions::OFF;
+    plain.reshape = ReshapeOptions::OFF;
     plain.refit.refit = RefitColors::Off;
     // The size of these files does not depend on the number of triangles.
-    (plain.collision.collision, plain.texture.texture) = (false, TextureWhen::Off);
+    plain.collision.collision = false;
+    plain.texture.texture = TextureWhen::Off;
     plain
 }
 
@@ -143,7 +155,13 @@ mod tests {
     use super::*;
 
     /// A scene of `all` triangles of `each` bytes; in trials they take `tried` times as many. Returns bytes, triangles permitted and bakes.
-    fn search(limit: u64, all: u64, header: u64, each: f64, tried: f64) -> Result<(u64, Option<u64>, u32)> {
+    fn search(
+        limit: u64,
+        all: u64,
+        header: u64,
+        each: f64,
+        tried: f64,
+    ) -> Result<(u64, Option<u64>, u32)> {
         let mut made = 0;
         let of = |most: Option<u64>, each: f64| {
             let triangles = most.map_or(all, |most| most.min(all));
@@ -165,7 +183,9 @@ mod tests {
 
     #[test]
     fn the_limit_is_kept_and_nearly_reached_by_baking_at_most_twice() {
-        for (limit, header) in [(3_000_000, 1500), (1_000_000, 100_000), (50_000, 1500), (5_999_999, 0)] {
+        for (limit, header) in
+            [(3_000_000, 1500), (1_000_000, 100_000), (50_000, 1500), (5_999_999, 0)]
+        {
             for tried in [1.0, 0.8, 1.3] {
                 let (bytes, _, made) = search(limit, 100_000, header, 60.0, tried).unwrap();
                 let share = bytes as f64 / limit as f64;
@@ -181,11 +201,14 @@ mod tests {
     #[test]
     fn what_later_stages_drop_or_add_is_made_up_for() {
         let limit = 20_000;
-        for (kept, texture) in [(0.1, 0), (0.4, 0), (0.7, 0), (1.0, 0), (1.0, 8000), (0.5, 15_000)] {
+        for (kept, texture) in [(0.1, 0), (0.4, 0), (0.7, 0), (1.0, 0), (1.0, 8000), (0.5, 15_000)]
+        {
             let bytes = |most: Option<u64>, kept: f64| {
                 1500 + 60 * (kept * most.map_or(1000, |most| most.min(1000)) as f64) as u64
             };
-            let trial = |most: Option<u64>| Ok((most.map_or(1000, |most| most.min(1000)), bytes(most, 1.0)));
+            let trial = |most: Option<u64>| {
+                Ok((most.map_or(1000, |most| most.min(1000)), bytes(most, 1.0)))
+            };
             let make = |most| Ok((texture + bytes(most, kept), texture + bytes(most, kept)));
             let found = most_within(limit, None, trial, make).unwrap();
             let all = texture + bytes(None, kept);

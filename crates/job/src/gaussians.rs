@@ -12,7 +12,9 @@ use trisplat_scene::math::geometry::centroid;
 use trisplat_scene::math::lists::evenly_spaced;
 use trisplat_scene::report::Report;
 use trisplat_scene::{Error, ImportedSplats, Result, placed};
-use trisplat_teacher::{GaussianTeacher, ViewpointKind, Viewpoints, between, drawn_beside, drawn_for};
+use trisplat_teacher::{
+    GaussianTeacher, ViewpointKind, Viewpoints, between, drawn_beside, drawn_for,
+};
 use trisplat_train::{TrainOptions, TrainPreset, shell_around};
 
 /// Share of the triangles that the training begins with; it adds the others where they are missing.
@@ -50,7 +52,8 @@ struct Work {
 }
 
 impl Effort {
-    pub(super) const FAST: Self = Self::alike(60, Work { steps: 2000, triangles: 20_000, longer_px: 400 });
+    pub(super) const FAST: Self =
+        Self::alike(60, Work { steps: 2000, triangles: 20_000, longer_px: 400 });
     const DEFAULT: Self = Self {
         pictures: 140,
         surroundings: Work { steps: 3000, triangles: 80_000, longer_px: 640 },
@@ -110,7 +113,8 @@ pub(super) fn solid(
     }
     report.warnings.append(&mut splats.warnings);
     let placement = splats.provenance.placement;
-    let to_file = |camera: &Camera| photos.map_or(*camera, |p| placed::to_file(camera, &placement, p.origin));
+    let to_file =
+        |camera: &Camera| photos.map_or(*camera, |p| placed::to_file(camera, &placement, p.origin));
     let cameras = match photos {
         Some(photos) => {
             photos.train().map(|view| effort.surroundings.limited(&to_file(&view.camera))).collect()
@@ -118,7 +122,8 @@ pub(super) fn solid(
         None => effort.cameras(path, &splats)?,
     };
     let mut teacher = GaussianTeacher::new(&splats.splats, &cameras);
-    let (max_bytes, mut drawn) = (how.photo_bytes(), on_drawn(observer));
+    let max_bytes = how.photo_bytes();
+    let mut drawn = on_drawn(observer);
     let dataset = match photos {
         Some(photos) => {
             // What each Gaussian contributes to the photos.
@@ -147,7 +152,8 @@ pub(super) fn solid(
         let views: Vec<View> = dataset.train().map(view).collect();
         // What lies far behind few viewpoints would else be painted close in front of them.
         let middles: Vec<Vec3> = first.vertices.iter().copied().map(centroid).collect();
-        let behind = shell_around(&middles, &views.iter().collect::<Vec<_>>(), &options, how.photo_bytes())?;
+        let behind =
+            shell_around(&middles, &views.iter().collect::<Vec<_>>(), &options, how.photo_bytes())?;
         first.append(behind);
     }
     let (scene, stage) = train(splats.with(first), &dataset, how, &options, clock, observer)?;
@@ -173,14 +179,18 @@ impl Effort {
             let room = self.pictures.saturating_sub(found.cameras.len());
             let more = between(&found.cameras);
             let known = found.cameras.clone();
-            found.cameras.extend(more.into_iter().filter(|camera| !known.contains(camera)).take(room));
+            found
+                .cameras
+                .extend(more.into_iter().filter(|camera| !known.contains(camera)).take(room));
         }
         Ok(found.cameras)
     }
 
     /// At most as many of `cameras` as there are pictures, evenly spaced, with pictures of at most the allowed size.
     fn chosen(&self, cameras: &[Camera]) -> Vec<Camera> {
-        evenly_spaced(cameras.len(), self.pictures).map(|i| self.surroundings.limited(&cameras[i])).collect()
+        evenly_spaced(cameras.len(), self.pictures)
+            .map(|i| self.surroundings.limited(&cameras[i]))
+            .collect()
     }
 }
 

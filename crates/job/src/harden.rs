@@ -83,9 +83,16 @@ pub(super) fn harden(
     let made = match photos {
         Some(_) => None,
         None => {
-            let made =
-                teacher::dataset(path, &soft, &drawing, behind, how.photo_bytes(), &mut on_drawn(observer))?;
-            own = Some(pictures(&soft, behind, made.views.iter().map(|view| view.camera).collect()));
+            let made = teacher::dataset(
+                path,
+                &soft,
+                &drawing,
+                behind,
+                how.photo_bytes(),
+                &mut on_drawn(observer),
+            )?;
+            own =
+                Some(pictures(&soft, behind, made.views.iter().map(|view| view.camera).collect()));
             Some(made)
         }
     };
@@ -149,13 +156,15 @@ fn check_shown(soup: &Soup, dataset: &Dataset) -> Result<()> {
             alpha.iter().map(|a| f64::from(*a) / 255.0).sum::<f64>() / alpha.len() as f64
         });
         let faces = &solid.visibility(&mesh, camera, &options).face;
-        let covered = faces.iter().filter(|face| **face != NO_FACE).count() as f64 / faces.len() as f64;
+        let covered =
+            faces.iter().filter(|face| **face != NO_FACE).count() as f64 / faces.len() as f64;
         lost += usize::from(covered < wanted / 2.0);
     }
     if 2 * lost <= looks.len() {
         return Ok(());
     }
-    let value = format!("{} triangles, which cover less than half of what most pictures show", soup.len());
+    let value =
+        format!("{} triangles, which cover less than half of what most pictures show", soup.len());
     let wants = "a scene that stays whole in training: give photos of it (`dataset`), its cameras in `cameras.json` beside it, or a file without Gaussians or triangles far around it";
     Err(Error::invalid("inputs", value, wants))
 }
@@ -187,16 +196,25 @@ mod tests {
                 rgb: vec![[9; 3]; 3600],
                 alpha: Some([[255; 1200].as_slice(), &[0; 2400]].concat()),
             };
-            let dataset =
-                teacher::drawn_for(&PathBuf::from("disc"), &cameras, 1 << 24, picture, &mut |_, _| ())
-                    .unwrap();
+            let dataset = teacher::drawn_for(
+                &PathBuf::from("disc"),
+                &cameras,
+                1 << 24,
+                picture,
+                &mut |_, _| (),
+            )
+            .unwrap();
             assert!(check_shown(&disc(unit), &dataset).is_ok());
             for left in [
                 disc(0.3 * unit),
-                Soup { vertices: vec![[Vec3::ZERO, Vec3::X * unit, Vec3::Y * unit]], ..Soup::default() },
+                Soup {
+                    vertices: vec![[Vec3::ZERO, Vec3::X * unit, Vec3::Y * unit]],
+                    ..Soup::default()
+                },
                 Soup::default(),
             ] {
-                let message = check_shown(&left, &dataset).expect_err("hardly anything").to_string();
+                let message =
+                    check_shown(&left, &dataset).expect_err("hardly anything").to_string();
                 assert!(message.contains("cameras.json"), "{message}");
             }
         }

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 use trisplat_bake::{
-    BackgroundDetails, BackgroundOptions, PruneDetails, PruneOptions, SolidOptions, background, prune,
-    softness,
+    BackgroundDetails, BackgroundOptions, PruneDetails, PruneOptions, SolidOptions, background,
+    prune, softness,
 };
 use trisplat_dataset::Dataset;
 use trisplat_dataset::capture::camera_files;
@@ -19,9 +19,14 @@ use trisplat_scene::{ImportedScene, Limits, Result};
 /// with its photos and videos. What cannot be read names nothing.
 pub fn files_of(path: &Path, images: &Path, limits: &Limits) -> Vec<PathBuf> {
     let mut files = vec![path.to_owned()];
-    if let Some((plan, folder)) = is_plan(path).then(|| Manifest::read(path, limits).ok()).flatten() {
+    if let Some((plan, folder)) = is_plan(path).then(|| Manifest::read(path, limits).ok()).flatten()
+    {
         files.extend(plan.files(&folder));
-        files.extend(Dataset::files(&plan.dataset_path(&folder), &plan.dataset_options.images, limits));
+        files.extend(Dataset::files(
+            &plan.dataset_path(&folder),
+            &plan.dataset_options.images,
+            limits,
+        ));
     }
     if Dataset::is_posed(path) {
         files.extend(Dataset::files(path, images, limits));
@@ -41,7 +46,12 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Info> {
     let (mut info, content) = info_of_content(path, options)?;
     let Content::Scene(mut loaded) = content else { return Ok(info) };
     // Measured without the background of an object, as in the bake.
-    background(&mut loaded, false, &BackgroundOptions::default(), &mut BackgroundDetails::default());
+    background(
+        &mut loaded,
+        false,
+        &BackgroundOptions::default(),
+        &mut BackgroundDetails::default(),
+    );
     let behind = info.triangles - loaded.scene.triangle_count() as u64;
     info.softness = softness(&loaded, &SolidOptions::DEFAULT).ok().flatten();
     info.bake = would_bake(loaded);

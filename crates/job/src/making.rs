@@ -156,7 +156,11 @@ impl MakeJob {
         let (dataset, verdict) = match &self.inputs[..] {
             [posed] if Dataset::is_posed(posed) => {
                 report.inputs.push(posed.display().to_string());
-                add(StageReport::skipped("capture", "the photos have poses".into()), &mut report, observer);
+                add(
+                    StageReport::skipped("capture", "the photos have poses".into()),
+                    &mut report,
+                    observer,
+                );
                 (posed.clone(), None)
             }
             photos => {
@@ -164,13 +168,17 @@ impl MakeJob {
                 let _ = observer(Event::Part(MakePart::Capture));
                 let folder = self.work.join("photos");
                 let mut job = Capture::new(self.inputs.iter().cloned(), folder.clone());
-                (job.options, job.force) = (self.capture.clone(), self.force);
+                job.options = self.capture.clone();
+                job.force = self.force;
                 job.skip_broken = self.dataset_options.skip_broken;
                 job.least_photos = LEAST_PHOTOS;
                 (folder, Some(job.run(&mut report, &mut stages(observer))?))
             }
         };
-        let (score, judged, earlier, subject) = (None, Vec::new(), None, None);
+        let score = None;
+        let judged = Vec::new();
+        let earlier = None;
+        let subject = None;
         let mut done = MakeDone {
             report,
             dataset,
@@ -202,13 +210,15 @@ impl MakeJob {
             let baked = self.bake(&photos, &mut done.report, observer);
             done.subject = baked.map_err(|error| match error {
                 Error::Invalid { option, value, .. } if option == "dataset" => {
-                    let reason =
-                        format!("has {value}; train longer, or take photos that overlap by half or more");
+                    let reason = format!(
+                        "has {value}; train longer, or take photos that overlap by half or more"
+                    );
                     Error::unsupported(&done.dataset, reason)
                 }
                 error => error,
             })?;
-            (done.trained_on, done.score) = (photos.train().count(), self.score(&photos, &mut done.judged)?);
+            (done.trained_on, done.score) =
+                (photos.train().count(), self.score(&photos, &mut done.judged)?);
             done.earlier = self.remember(done.score.as_ref())?;
         }
         done.report.seconds = clock.elapsed().as_secs_f64();
@@ -245,12 +255,16 @@ impl MakeJob {
         let (photos, key) = self.training_key(path)?;
         let effort = self.budget.map_or(self.train.steps as f64, |budget| budget.0);
         let last = stored(&notes);
-        let own = StoredTraining { key, photos, effort, ..StoredTraining::default() }.after(last.as_ref());
+        let own = StoredTraining { key, photos, effort, ..StoredTraining::default() }
+            .after(last.as_ref());
         let before = last.filter(|before| before.key == own.key);
-        if let Some(before) = before.as_ref().filter(|before| !before.stages.is_empty() && scene.is_file()) {
+        if let Some(before) =
+            before.as_ref().filter(|before| !before.stages.is_empty() && scene.is_file())
+        {
             for stage in &before.stages {
                 // The finished run's own figures.
-                let stage = StageReport { skipped: Some(DONE.into()), seconds: 0.0, ..stage.clone() };
+                let stage =
+                    StageReport { skipped: Some(DONE.into()), seconds: 0.0, ..stage.clone() };
                 add(stage, report, observer);
             }
             report.warnings.extend(before.warnings.iter().cloned());
@@ -284,8 +298,10 @@ impl MakeJob {
         job.began = Some(Instant::now());
         match &resume {
             Some(point) => {
-                job.options =
-                    trisplat_scene::layered::Layered::over(&point.meta.options, point.meta.options.clone())
+                job.options = trisplat_scene::layered::Layered::over(
+                    &point.meta.options,
+                    point.meta.options.clone(),
+                )
             }
             None => job.limit(self.budget, TRAINING),
         }
@@ -318,7 +334,8 @@ impl MakeJob {
             return Ok(false);
         }
         trained.trained.save(&scene)?;
-        let (stages, warnings) = (trained.report.stages, trained.report.warnings);
+        let stages = trained.report.stages;
+        let warnings = trained.report.warnings;
         let kept = StoredTraining { stages: stages.clone(), warnings: warnings.clone(), ..own };
         save(&notes, &kept)?;
         ours.remove(CHECKPOINT)?;
@@ -330,17 +347,24 @@ impl MakeJob {
     }
 
     /// Scores the file on the held-out photos as `trisplat eval` does, and what of them can be `judged`.
-    fn score(&self, photos: &Dataset, judged: &mut Vec<(String, f64)>) -> Result<Option<StepScore>> {
+    fn score(
+        &self,
+        photos: &Dataset,
+        judged: &mut Vec<(String, f64)>,
+    ) -> Result<Option<StepScore>> {
         let is_read = matches!(
             OutputFormat::of(&self.output),
             Ok(OutputFormat::Glb | OutputFormat::Gltf | OutputFormat::Obj | OutputFormat::Ply)
         );
-        let is_apart = matches!(self.bake.backdrop.backdrop, BackdropWhen::File | BackdropWhen::Sky);
-        if !is_read || is_apart || !self.bake.crop.crop.is_empty() || photos.test().next().is_none() {
+        let is_apart =
+            matches!(self.bake.backdrop.backdrop, BackdropWhen::File | BackdropWhen::Sky);
+        if !is_read || is_apart || !self.bake.crop.crop.is_empty() || photos.test().next().is_none()
+        {
             return Ok(None);
         }
         let mut job = EvalJob::new(&self.output);
-        (job.dataset_options, job.off_camera) = (self.dataset_options.clone(), false);
+        job.dataset_options = self.dataset_options.clone();
+        job.off_camera = false;
         let ready = job.prepare(photos)?;
         let bytes = self.dataset_options.photo_bytes();
         let twice = |surface| ShownTwice::new(surface, photos, ready.views(), bytes);
@@ -358,7 +382,8 @@ impl MakeJob {
     fn remember(&self, score: Option<&StepScore>) -> Result<Option<f64>> {
         let notes = self.work.join(NOTES);
         let Some(before) = stored(&notes) else { return Ok(None) };
-        let (earlier, psnr) = (before.earlier, score.map(|score| score.mean.psnr));
+        let earlier = before.earlier;
+        let psnr = score.map(|score| score.mean.psnr);
         if psnr.is_some() && psnr != before.psnr {
             let mut ours = Manifest::read(&self.work, FILES)?;
             ours.begin(&[NOTES])?;
@@ -376,8 +401,8 @@ impl MakeJob {
         };
         let files: Vec<String> = Dataset::pose_files(path).iter().map(|file| meta(file)).collect();
         let options = (&self.dataset_options, &self.train, self.budget);
-        let mut options =
-            serde_json::to_string(&options).map_err(|e| Error::invalid("options", e, "finite numbers"))?;
+        let mut options = serde_json::to_string(&options)
+            .map_err(|e| Error::invalid("options", e, "finite numbers"))?;
         if self.backend != BackendOptions::default() {
             options += &format!(" {:?}", self.backend);
         }
@@ -426,7 +451,8 @@ impl MakeJob {
         report: &mut Report,
         observer: Observer<'_>,
     ) -> Result<Option<PathBuf>> {
-        let (planned, begun) = (self.bake.plan_output(&self.output, None)?, self.unfinished());
+        let planned = self.bake.plan_output(&self.output, None)?;
+        let begun = self.unfinished();
         let mut new: Vec<PathBuf> = planned.paths().map(Path::to_owned).collect();
         new.extend(self.page.iter().chain(&self.report).cloned());
         if let Some(file) = self.subject_file() {
@@ -478,11 +504,19 @@ fn write_subject(
         done => done?,
     };
     let share = done.report.details::<CropDetails>().and_then(|details| details.subject_share);
-    let is_all = !whole.has_backdrop() && 4 * done.asset.mesh.face_count() > 3 * whole.mesh.face_count();
+    let is_all =
+        !whole.has_backdrop() && 4 * done.asset.mesh.face_count() > 3 * whole.mesh.face_count();
     if is_all || share.is_none_or(|share| share > LARGEST_SUBJECT) {
         return Ok(false);
     }
-    output::write(&done.asset, &planned, planned.start()?, &options, report, &mut stages(observer))?;
+    output::write(
+        &done.asset,
+        &planned,
+        planned.start()?,
+        &options,
+        report,
+        &mut stages(observer),
+    )?;
     if done.report.details::<ViewpointDetails>().is_some_and(|first| first.photo.is_some()) {
         let Provenance { placement, viewpoint, .. } = done.asset.provenance;
         let moved = placement.inverse().then(&whole.provenance.placement);

@@ -36,7 +36,8 @@ pub struct MeshJob {
 impl MeshJob {
     /// A surface with these options, on photos read with [`DatasetOptions::default`]; a scene for it trains for half a minute.
     pub fn new(scene: Option<Content>, photos: Option<Dataset>, options: MeshOptions) -> Self {
-        let (dataset_options, train) = (DatasetOptions::default(), TrainOptions::default());
+        let dataset_options = DatasetOptions::default();
+        let train = TrainOptions::default();
         Self { scene, photos, dataset_options, options, train, budget: Some(TRAINING) }
     }
 
@@ -65,7 +66,8 @@ impl MeshJob {
             (Some(Content::Splats(splats)), photos) => {
                 let splats = (Path::new("scene"), splats);
                 let effort = (Effort::FAST, None);
-                let solid = gaussians::solid(splats, photos.as_ref(), how, effort, report, observer)?;
+                let solid =
+                    gaussians::solid(splats, photos.as_ref(), how, effort, report, observer)?;
                 add(solid.stage, report, observer);
                 views = views.or(solid.pictures);
                 solid.scene
@@ -87,7 +89,9 @@ impl MeshJob {
                 }
                 done.trained.into()
             }
-            (None, None) => return Err(Error::invalid("scene", "not given", "a scene, or photos of one")),
+            (None, None) => {
+                return Err(Error::invalid("scene", "not given", "a scene, or photos of one"));
+            }
         };
         let limits = &self.dataset_options.limits;
         mesh(scene, views.as_mut(), &self.options, limits, report, &mut stages(observer)).map(Some)

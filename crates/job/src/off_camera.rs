@@ -54,7 +54,8 @@ pub(super) fn depth(mesh: &Mesh, near: f32, dataset: &Dataset) -> Option<DepthSc
     if !dataset.has_tracks() {
         return None;
     }
-    let (options, mut solid) = (options(near), SolidRasterizer::new());
+    let options = options(near);
+    let mut solid = SolidRasterizer::new();
     let [mut rays, mut within, mut before, mut behind] = [0u64; 4];
     for view in dataset.train() {
         let camera = &view.camera;
@@ -94,10 +95,12 @@ fn plane_depth(mesh: &Mesh, face: u32, camera: &Camera, point: Vec3) -> f32 {
 /// What views beside the training cameras show of `mesh`, in the data set's frame; `None` without one.
 pub(super) fn beside(mesh: &Mesh, near: f32, dataset: &Dataset) -> Option<BesideScores> {
     let cameras: Vec<Camera> = dataset.train().map(|view: &View| view.camera).collect();
-    let (options, mut solid) = (options(near), SolidRasterizer::new());
+    let options = options(near);
+    let mut solid = SolidRasterizer::new();
     let mut shares = vec![0.0f32; mesh.face_count()];
     // A triangle below 16 photo pixels counts as that large.
-    let mut best = vec![16.0 / cameras.first()?.size.as_vec2().element_product(); mesh.face_count()];
+    let mut best =
+        vec![16.0 / cameras.first()?.size.as_vec2().element_product(); mesh.face_count()];
     let mut reach = Vec::with_capacity(cameras.len());
     for camera in &cameras {
         let drawn = solid.visibility(mesh, &coarse(camera, OWN_STEP), &options);
@@ -107,17 +110,22 @@ pub(super) fn beside(mesh: &Mesh, near: f32, dataset: &Dataset) -> Option<Beside
         reach.push(median(depths, f32::total_cmp).unwrap_or(1.0));
     }
     let rng = Rng::new(0, "beside", 0);
-    let (mut unsupported, mut empty) = (0.0f64, 0.0f64);
+    let mut unsupported = 0.0f64;
+    let mut empty = 0.0f64;
     for k in 0..VIEWS {
-        let (camera, reach) = (&cameras[k % cameras.len()], reach[k % cameras.len()]);
+        let camera = &cameras[k % cameras.len()];
+        let reach = reach[k % cameras.len()];
         let [height, turn, far] = [0, 1, 2].map(|axis| rng.uniform(3 * k as u64 + axis));
-        let (height, (sin, cos)) = (2.0 * height - 1.0, (std::f32::consts::TAU * turn).sin_cos());
+        let height = 2.0 * height - 1.0;
+        let (sin, cos) = (std::f32::consts::TAU * turn).sin_cos();
         let level = (1.0 - height * height).sqrt();
         let offset = Vec3::new(level * cos, level * sin, height) * (ASIDE * reach * far.sqrt());
-        let moved = Camera { translation: camera.translation - camera.rotation * offset, ..*camera };
+        let moved =
+            Camera { translation: camera.translation - camera.rotation * offset, ..*camera };
         let drawn = solid.visibility(mesh, &coarse(&moved, ASIDE_STEP), &options);
         let nothing = count(&drawn.face, &mut shares);
-        let lacks = |(share, best): &(&f32, &f32)| **share > NOTICED && **share > MAGNIFIED * **best;
+        let lacks =
+            |(share, best): &(&f32, &f32)| **share > NOTICED && **share > MAGNIFIED * **best;
         unsupported +=
             shares.iter().zip(&best).filter(lacks).map(|(share, _)| f64::from(*share)).sum::<f64>();
         empty += f64::from(nothing);
@@ -128,7 +136,8 @@ pub(super) fn beside(mesh: &Mesh, near: f32, dataset: &Dataset) -> Option<Beside
 /// The share of samples that each face fills, in `shares`; returns that of none.
 fn count(faces: &[u32], shares: &mut [f32]) -> f32 {
     shares.fill(0.0);
-    let (one, mut nothing) = (1.0 / faces.len().max(1) as f32, 0.0);
+    let one = 1.0 / faces.len().max(1) as f32;
+    let mut nothing = 0.0;
     for face in faces {
         *shares.get_mut(*face as usize).unwrap_or(&mut nothing) += one;
     }
@@ -150,8 +159,14 @@ mod tests {
     use trisplat_scene::math::geometry::octasphere;
     use trisplat_synthetic::SyntheticOptions;
 
-    const PHOTOS: SyntheticOptions =
-        SyntheticOptions { views: 6, width: 64, points: 200, seed: 0, transparent: false, phone: false };
+    const PHOTOS: SyntheticOptions = SyntheticOptions {
+        views: 6,
+        width: 64,
+        points: 200,
+        seed: 0,
+        transparent: false,
+        phone: false,
+    };
 
     fn photos() -> Dataset {
         let folder = tempfile::tempdir().unwrap();
@@ -162,8 +177,10 @@ mod tests {
     /// A square across the view of `camera` at `depth`, of half this width.
     fn across(camera: &Camera, depth: f32, half: f32) -> [[Vec3; 3]; 2] {
         let back = camera.rotation.transpose();
-        let corner = |x: f32, y: f32| back * (Vec3::new(x * half, y * half, depth) - camera.translation);
-        let [a, b, c, d] = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+        let corner =
+            |x: f32, y: f32| back * (Vec3::new(x * half, y * half, depth) - camera.translation);
+        let [a, b, c, d] =
+            [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
         [[a, b, c], [a, c, d]]
     }
 
@@ -177,13 +194,16 @@ mod tests {
         let first = dataset.views.iter().position(|view| !view.test).unwrap();
         dataset.views = vec![dataset.views[first].clone()];
         let camera = dataset.views[0].camera;
-        let place = |x: f32| camera.rotation.transpose() * (Vec3::new(x, 0.01, 2.0) - camera.translation);
+        let place =
+            |x: f32| camera.rotation.transpose() * (Vec3::new(x, 0.01, 2.0) - camera.translation);
         let point = |position| Point { position, rgb: [0; 3], error: None };
         // Every fifth point judges, and here each is one of them.
-        dataset.points = [-0.3, -0.1, 0.1, 0.3].into_iter().flat_map(|x| vec![point(place(x)); 5]).collect();
+        dataset.points =
+            [-0.3, -0.1, 0.1, 0.3].into_iter().flat_map(|x| vec![point(place(x)); 5]).collect();
         dataset.views[0].tracked = vec![0, 5, 10, 15];
         let shares = |depth_of_wall: f32| {
-            let scores = depth(&mesh(&across(&camera, depth_of_wall, 9.0)), 0.01, &dataset).unwrap();
+            let scores =
+                depth(&mesh(&across(&camera, depth_of_wall, 9.0)), 0.01, &dataset).unwrap();
             assert_eq!(scores.rays, 4);
             [scores.before, scores.within, scores.behind]
         };

@@ -34,9 +34,12 @@ pub(super) fn check_photos(dataset: &Dataset, path: &Path) -> Result<()> {
     }
     let count = cameras.len();
     // Neighbors first, which overlap most often.
-    let others = |i: usize| (1..count).flat_map(move |by| [(i + by) % count, (i + count - by) % count]);
-    let is_alone = |i: usize| !others(i).any(|other| overlap(&cameras[i], &cameras[other], distance));
-    let alone = parallel::map(&cameras, |i, _| is_alone(i)).into_iter().filter(|alone| *alone).count();
+    let others =
+        |i: usize| (1..count).flat_map(move |by| [(i + by) % count, (i + count - by) % count]);
+    let is_alone =
+        |i: usize| !others(i).any(|other| overlap(&cameras[i], &cameras[other], distance));
+    let alone =
+        parallel::map(&cameras, |i, _| is_alone(i)).into_iter().filter(|alone| *alone).count();
     if 2 * alone > count {
         return refuse(format!(
             "{alone} of {count} photos show nothing that another photo shows too; take photos that overlap by half or more, or train \
@@ -71,7 +74,8 @@ fn overlap(one: &Camera, other: &Camera, unit: f32) -> bool {
     let grid = (0..GRID * GRID).map(|i| UVec2::new(i % GRID, i / GRID).as_vec2() + 0.5);
     let pixels = grid.map(|cell| cell / GRID as f32 * one.size.as_vec2());
     let rays = pixels.map(|pixel: Vec2| ((pixel - one.center) / one.focal).extend(1.0));
-    let mut points = rays.flat_map(|ray| DISTANCES.map(move |power| ray * unit * f32::powi(2.0, power)));
+    let mut points =
+        rays.flat_map(|ray| DISTANCES.map(move |power| ray * unit * f32::powi(2.0, power)));
     let to_world = one.rotation.transpose();
     points.any(|point| other.frames(to_world * point + one.position()))
 }

@@ -52,7 +52,11 @@ impl Baked {
     pub fn write(&self, path: impl AsRef<Path>) -> Result<WrittenFiles> {
         let path = path.as_ref();
         if self.has_tiles {
-            return Err(Error::invalid("output", path.display(), "`BakeJob::save`, which writes tiles"));
+            return Err(Error::invalid(
+                "output",
+                path.display(),
+                "`BakeJob::save`, which writes tiles",
+            ));
         }
         formats::write(&self.asset, path, &self.output)
     }
@@ -77,9 +81,10 @@ impl Deref for Baked {
 ///
 /// Errors: options out of range, nothing left to draw.
 pub fn bake(scene: impl Into<ImportedScene>, options: &BakeOptions) -> Result<Baked> {
-    let done =
-        BakeJob::new([BakeInput::scene(scene)], options.clone()).run(&mut |_| ControlFlow::Continue(()))?;
-    let (output, has_tiles) = (options.output.clone(), options.tiles.tiles);
+    let done = BakeJob::new([BakeInput::scene(scene)], options.clone())
+        .run(&mut |_| ControlFlow::Continue(()))?;
+    let output = options.output.clone();
+    let has_tiles = options.tiles.tiles;
     Ok(Baked { asset: done.asset, report: done.report, output, has_tiles })
 }
 
@@ -118,7 +123,9 @@ impl Renderer {
                 let scene = SceneRenderer::soft(soup.clone(), &placement, None, BLACK);
                 Ok(Self { scene: Mutex::new(scene), placement })
             }
-            Scene::Mesh(_) => Err(Error::invalid("scene", "a mesh", "a soup; `Renderer::new` draws meshes")),
+            Scene::Mesh(_) => {
+                Err(Error::invalid("scene", "a mesh", "a soup; `Renderer::new` draws meshes"))
+            }
         }
     }
 
@@ -139,5 +146,7 @@ impl Renderer {
 pub fn score(path: impl AsRef<Path>, photos: &Dataset) -> Result<Scores> {
     let report = EvalJob::new(path.as_ref()).run(photos)?;
     let file = report.steps.last().map(|step| step.mean);
-    file.ok_or_else(|| Error::invalid("scene", path.as_ref().display(), "a scene that can be drawn"))
+    file.ok_or_else(|| {
+        Error::invalid("scene", path.as_ref().display(), "a scene that can be drawn")
+    })
 }

@@ -12,7 +12,8 @@ use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::geometry::spread;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{
-    Asset, Error, ImportedScene, Limits, Placement, Result, Scene, SceneNormalization, Soup, Splats, placed,
+    Asset, Error, ImportedScene, Limits, Placement, Result, Scene, SceneNormalization, Soup,
+    Splats, placed,
 };
 #[cfg(feature = "gpu")]
 use trisplat_train::CardScene;

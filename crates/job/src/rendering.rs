@@ -103,7 +103,11 @@ impl RenderJob {
         }
     }
 
-    fn prepare_scene(self, loaded: ImportedScene, dataset: Option<&Dataset>) -> Result<ReadyRender> {
+    fn prepare_scene(
+        self,
+        loaded: ImportedScene,
+        dataset: Option<&Dataset>,
+    ) -> Result<ReadyRender> {
         let mut loaded = solid_if_asked(&self, loaded)?;
         let listed = self.listed_cameras(&loaded.provenance.placement)?;
         if !listed.is_empty() {
@@ -111,10 +115,13 @@ impl RenderJob {
         }
         let cameras = self.choose_cameras(&loaded, listed, dataset)?;
         let ImportedScene { scene, provenance, .. } = loaded;
-        let (placement, background) = (&provenance.placement, self.dataset_options.background.to_f32());
+        let placement = &provenance.placement;
+        let background = self.dataset_options.background.to_f32();
         let renderer = match scene {
             Scene::Soup(soup) => SceneRenderer::soft(soup, placement, dataset, background),
-            Scene::Mesh(mesh) => SceneRenderer::solid(mesh, placement, dataset, background, self.render.ssaa),
+            Scene::Mesh(mesh) => {
+                SceneRenderer::solid(mesh, placement, dataset, background, self.render.ssaa)
+            }
         };
         self.ready(cameras, renderer)
     }
@@ -125,7 +132,11 @@ impl RenderJob {
         Ok(ReadyRender { job: self, cameras, renderer })
     }
 
-    fn prepare_splats(self, mut loaded: ImportedSplats, dataset: Option<&Dataset>) -> Result<ReadyRender> {
+    fn prepare_splats(
+        self,
+        mut loaded: ImportedSplats,
+        dataset: Option<&Dataset>,
+    ) -> Result<ReadyRender> {
         steps::check_splats(&self.render)?;
         if self.show != PictureKind::Color {
             return Err(SceneRenderer::no_surface());
@@ -145,7 +156,10 @@ impl RenderJob {
         let Some(list) = &self.cameras else { return Ok(Vec::new()) };
         let origin = DVec3::from(placement.center);
         let listed = read_cameras(list, origin, &self.dataset_options.limits)?;
-        Ok(listed.into_iter().map(|(name, c)| (name, placed::to_file(&c, placement, origin))).collect())
+        Ok(listed
+            .into_iter()
+            .map(|(name, c)| (name, placed::to_file(&c, placement, origin)))
+            .collect())
     }
 
     /// The cameras of the pictures: in the data set's world, or in the file's frame without one.
@@ -157,9 +171,12 @@ impl RenderJob {
     ) -> Result<Vec<(String, Camera)>> {
         match (dataset, self.orbit) {
             (_, Some(count)) => orbit_cameras(self, loaded, dataset, count),
-            (Some(dataset), None) => {
-                Ok(self.split.some_of(dataset)?.iter().map(|v| (v.name.clone(), v.camera)).collect())
-            }
+            (Some(dataset), None) => Ok(self
+                .split
+                .some_of(dataset)?
+                .iter()
+                .map(|v| (v.name.clone(), v.camera))
+                .collect()),
             (None, None) if !listed.is_empty() => Ok(listed),
             (None, None) => {
                 let wants = "cameras to draw from: `orbit` 24 for a circle around the scene, `dataset` for those of its photos, or a list in `cameras`";
@@ -263,9 +280,10 @@ fn orbit_cameras(
     })?;
     let target = DVec3::from(viewpoint.target).as_vec3();
     let room = |way: Vec3| surroundings.room_towards(target, way);
-    let cameras = orbit(&viewpoint, up, &room, size, count).into_iter().map(|camera| match dataset {
-        Some(_) => placed::to_world(&camera, placement, origin),
-        None => camera,
-    });
+    let cameras =
+        orbit(&viewpoint, up, &room, size, count).into_iter().map(|camera| match dataset {
+            Some(_) => placed::to_world(&camera, placement, origin),
+            None => camera,
+        });
     Ok(cameras.enumerate().map(|(i, camera)| (format!("orbit_{i:04}.png"), camera)).collect())
 }

@@ -117,7 +117,12 @@ pub struct ScoredPicture {
 }
 
 /// Scores a drawing of a photo.
-pub(super) fn measure(step: &'static str, name: &str, photo: &RgbImage, picture: RgbImage) -> ScoredPicture {
+pub(super) fn measure(
+    step: &'static str,
+    name: &str,
+    photo: &RgbImage,
+    picture: RgbImage,
+) -> ScoredPicture {
     let weights = photo.alpha.as_deref();
     let map = ColorMap::fit(&picture.rgb, &photo.rgb, weights);
     measure_with(step, name, photo, picture, |picture| map.of(&picture.rgb))
@@ -136,8 +141,14 @@ fn measure_with(
     let Quality { psnr: psnr_corrected, ssim: ssim_corrected } = Quality::of(&corrected, photo);
     let flip = metric::flip(photo.size, &photo.rgb, &picture.rgb, photo.alpha.as_deref());
     let score = Scores { psnr, ssim, flip, psnr_corrected, ssim_corrected };
-    let (name, size) = (name.to_owned(), photo.size.to_array());
-    ScoredPicture { step, picture, score: ImageScore { name, size, score }, psnr_own_exposure: None }
+    let name = name.to_owned();
+    let size = photo.size.to_array();
+    ScoredPicture {
+        step,
+        picture,
+        score: ImageScore { name, size, score },
+        psnr_own_exposure: None,
+    }
 }
 
 /// The same for a photo of an object: over black and over white, as in [`Quality::over_two`]. The picture is
@@ -156,7 +167,8 @@ pub(super) fn measure_cut(
         let photo = photo.over_instead_of_black([code; 3]);
         measure_with(step, name, &photo, picture, |_| corrected.clone().over([code; 3]).rgb)
     };
-    let (black, white) = (over(0, black), over(255, white));
+    let black = over(0, black);
+    let white = over(255, white);
     let mean = mean([&black.score.score, &white.score.score].into_iter());
     ScoredPicture { score: ImageScore { score: mean, ..black.score }, ..black }
 }
@@ -210,7 +222,10 @@ impl<'a> ShownTwice<'a> {
         let seen = self.solid.visibility(&self.mesh, camera, &self.options);
         let back = camera.rotation.transpose();
         let weight = |pixel: usize| {
-            let at = Vec2::new((pixel as u32 % camera.size.x) as f32, (pixel as u32 / camera.size.x) as f32);
+            let at = Vec2::new(
+                (pixel as u32 % camera.size.x) as f32,
+                (pixel as u32 / camera.size.x) as f32,
+            );
             let depth = seen.depth[pixel];
             let ray = ((at + 0.5 - camera.center) / camera.focal).extend(1.0);
             let place = camera.position() + back * ray * depth;
@@ -258,11 +273,13 @@ mod tests {
     #[test]
     fn what_one_photo_shows_is_not_judged() {
         let folder = tempfile::tempdir().unwrap();
-        let options = SyntheticOptions { views: 6, width: 64, points: 50, ..SyntheticOptions::default() };
+        let options =
+            SyntheticOptions { views: 6, width: 64, points: 50, ..SyntheticOptions::default() };
         trisplat_synthetic::write(folder.path(), &options).unwrap();
         let dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
         let view = &dataset.views[0];
-        let (camera, back) = (view.camera, view.camera.rotation.transpose());
+        let camera = view.camera;
+        let back = view.camera.rotation.transpose();
         let corner = |x: f32, y: f32| camera.position() + back * Vec3::new(9.0 * x, 9.0 * y, 2.0);
         let wall = [[corner(-1.0, -1.0), corner(3.0, -1.0), corner(-1.0, 3.0)]];
         // The left half of what the camera sees.
@@ -279,7 +296,12 @@ mod tests {
         let mut picture = (*photo).clone();
         let width = camera.size.x as usize;
         let right = |(i, _): &(usize, &mut [u8; 3])| i % width > width / 2;
-        picture.rgb.iter_mut().enumerate().filter(right).for_each(|(_, pixel)| *pixel = pixel.map(|c| !c));
+        picture
+            .rgb
+            .iter_mut()
+            .enumerate()
+            .filter(right)
+            .for_each(|(_, pixel)| *pixel = pixel.map(|c| !c));
         let equal = Some((view.name.clone(), 120.0));
         assert_eq!(twice.psnr(0, &picture).unwrap(), equal, "only one photo shows the right half");
         twice.cameras.push(camera);

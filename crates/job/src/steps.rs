@@ -44,13 +44,19 @@ pub(super) fn steps(
         renderer: SceneRenderer::soft(soup, &provenance.placement, Some(dataset), background),
     };
     let solid = |name, asset: Asset, bytes| {
-        let (mesh, placement) = (asset.mesh, asset.provenance.placement);
+        let mesh = asset.mesh;
+        let placement = asset.provenance.placement;
         let triangles = mesh.face_count() as u64;
-        let renderer = SceneRenderer::solid(mesh, &placement, Some(dataset), background, options.ssaa);
+        let renderer =
+            SceneRenderer::solid(mesh, &placement, Some(dataset), background, options.ssaa);
         EvalStep { name, triangles, bytes, renderer }
     };
     let baked = |soup: Soup| {
-        baked(ImportedScene { provenance: provenance.clone(), cameras: cameras.clone(), ..soup.into() })
+        baked(ImportedScene {
+            provenance: provenance.clone(),
+            cameras: cameras.clone(),
+            ..soup.into()
+        })
     };
     match (scene, options.mode) {
         (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(no_soup(path)),
@@ -59,7 +65,9 @@ pub(super) fn steps(
             Ok(vec![solid("solid", Asset { mesh, provenance, ..Asset::default() }, None)])
         }
         (Scene::Soup(soup), Some(RenderMode::Soft)) => Ok(vec![soft(soup)]),
-        (Scene::Soup(soup), Some(RenderMode::Solid)) => Ok(vec![solid("solid", baked(soup)?, None)]),
+        (Scene::Soup(soup), Some(RenderMode::Solid)) => {
+            Ok(vec![solid("solid", baked(soup)?, None)])
+        }
         (Scene::Soup(soup), None) => {
             let asset = baked(soup.clone())?;
             let (file, bytes) = reread(&asset, &SMALLEST)?;
@@ -86,15 +94,16 @@ pub(super) fn steps_of_splats(
 /// Refuses modes that only triangles have.
 pub(super) fn check_splats(options: &RenderOptions) -> Result<()> {
     match options.mode {
-        Some(_) => Err(Error::invalid("as", "given", "no value for Gaussians, which are drawn in one way")),
+        Some(_) => {
+            Err(Error::invalid("as", "given", "no value for Gaussians, which are drawn in one way"))
+        }
         None => Ok(()),
     }
 }
 
 /// The error of a mesh where only a soup can be drawn.
 pub(super) fn no_soup(path: &Path) -> Error {
-    let reason =
-        "is a mesh, baked already; give the trained soup it was baked from (.ply or .pt), or `as` solid";
+    let reason = "is a mesh, baked already; give the trained soup it was baked from (.ply or .pt), or `as` solid";
     Error::unsupported(path, reason)
 }
 
@@ -113,7 +122,8 @@ fn reread(asset: &Asset, options: &OutputOptions) -> Result<(Asset, u64)> {
     let output = Output::plan(&path, None, options)?;
     let mut report = Report::default();
     output::write(asset, &output, output.start()?, options, &mut report, &mut |_| Continue(()))?;
-    let ImportedScene { scene, provenance, .. } = formats::read(&path, &ReadOptions::with_degree(0))?;
+    let ImportedScene { scene, provenance, .. } =
+        formats::read(&path, &ReadOptions::with_degree(0))?;
     let Scene::Mesh(mesh) = scene else { return Err(no_soup(&path)) };
     let bytes = report.outputs.iter().map(|file| file.bytes).sum();
     Ok((Asset { mesh, provenance, ..Asset::default() }, bytes))

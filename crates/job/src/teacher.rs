@@ -79,16 +79,19 @@ pub(super) fn teacher_budget(run: Budget, spent: f64) -> Budget {
 /// What the budget of a teacher is a part of: that of the run, or what this is a part of.
 pub(super) fn whole(run: Budget, whole: Option<WholeBudget>, spent: f64) -> WholeBudget {
     let whole = whole.unwrap_or(WholeBudget { seconds: run.seconds, factor: 1.0, beside: 0.0 });
-    let (factor, beside) =
-        (whole.factor / BUDGET_SHARE, whole.beside + whole.factor * spent * (1.0 - 1.0 / BUDGET_SHARE));
+    let factor = whole.factor / BUDGET_SHARE;
+    let beside = whole.beside + whole.factor * spent * (1.0 - 1.0 / BUDGET_SHARE);
     WholeBudget { factor, beside, ..whole }
 }
 
 /// Training options of a teacher. A budget chooses its triangles unless the run's are given.
-pub(super) fn teacher_options(run: &Layered<TrainOptions>, has_budget: bool) -> Layered<TrainOptions> {
+pub(super) fn teacher_options(
+    run: &Layered<TrainOptions>,
+    has_budget: bool,
+) -> Layered<TrainOptions> {
     let share = |count: u64, share: f64| ((count as f64 * share) as u64).max(1);
-    let (preset, triangles_given) =
-        (TrainOptions::preset(TrainPreset::Outdoor), run.is_given("max_triangles"));
+    let preset = TrainOptions::preset(TrainPreset::Outdoor);
+    let triangles_given = run.is_given("max_triangles");
     let max_triangles = match has_budget && !triangles_given {
         true => preset.max_triangles,
         false => share(run.options.max_triangles, TRIANGLES_SHARE),
@@ -120,9 +123,10 @@ impl TeacherPlan {
             _ if !was_taught => Self::Without("the resumed run has none".into()),
             None => Self::Train,
             Some(path) if path.exists() => Self::Read(path.to_owned()),
-            Some(path) => {
-                Self::Without(format!("the teacher of the resumed run is not at {}", path.display()))
-            }
+            Some(path) => Self::Without(format!(
+                "the teacher of the resumed run is not at {}",
+                path.display()
+            )),
         }
     }
 

@@ -13,7 +13,9 @@ use trisplat_scene::process::cpu_secs;
 use trisplat_scene::report::{Counts, Report, StageDetails, StageReport, to_json};
 use trisplat_scene::{Budget, Error, ImportedScene, Result, Seconds, Spending};
 use trisplat_train::budget::{self, Pace, Paced, PlanInput, StepLimit, WholeBudget};
-use trisplat_train::{BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainRun, Trained, find_points};
+use trisplat_train::{
+    BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainRun, Trained, find_points,
+};
 
 /// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set before the run.
 ///
@@ -112,8 +114,11 @@ impl TrainJob {
             Some(time) => {
                 let spent = cpu_secs();
                 self.budget = Some(Budget::cpu(Seconds(spent + share * time.0)));
-                self.whole =
-                    Some(WholeBudget { seconds: time, factor: share.recip(), beside: -spent / share });
+                self.whole = Some(WholeBudget {
+                    seconds: time,
+                    factor: share.recip(),
+                    beside: -spent / share,
+                });
             }
             None => self.options = self.options.clone().giving(&["steps"]),
         }
@@ -135,7 +140,8 @@ impl TrainJob {
         let plan = self.teacher_plan();
         let mut stages: Vec<StageReport> = self.decide_exposure(observer)?.into_iter().collect();
         let mut enough = StepLimit::default();
-        let mut warnings: Vec<String> = self.from.iter().flat_map(|scene| scene.warnings.clone()).collect();
+        let mut warnings: Vec<String> =
+            self.from.iter().flat_map(|scene| scene.warnings.clone()).collect();
         let teacher = match &plan {
             TeacherPlan::Without(why) => {
                 stages.push(StageReport::skipped(TeacherDetails::STAGE, why.clone()));
@@ -157,7 +163,8 @@ impl TrainJob {
         let taught = match (&teacher, share) {
             (Some(teacher), Some(share)) => {
                 warnings.extend(teacher.warnings.iter().cloned());
-                let (options, how) = (&self.options.options, &self.dataset_options);
+                let options = &self.options.options;
+                let how = &self.dataset_options;
                 Some(teacher::with_pictures(&self.dataset, teacher, share, options, how, observer)?)
             }
             _ => None,
@@ -171,7 +178,8 @@ impl TrainJob {
             paced,
             began: Some(began),
             force_resume: self.force_resume,
-            ..TrainRun::new(dataset, &self.options.options).with_dataset_options(&self.dataset_options)
+            ..TrainRun::new(dataset, &self.options.options)
+                .with_dataset_options(&self.dataset_options)
         };
         let mut run = run.start_at(&self.backend)?;
         warnings.append(&mut run.warnings);
@@ -234,7 +242,13 @@ impl TrainJob {
             true => ExposureDecision::AsTaken("the run may end early (`max_cpu_secs`)"),
             false => {
                 let budget_secs = self.budget.map(|budget| budget.seconds.0);
-                exposure::decide(&self.dataset, options, budget_secs, &self.dataset_options, observer)?
+                exposure::decide(
+                    &self.dataset,
+                    options,
+                    budget_secs,
+                    &self.dataset_options,
+                    observer,
+                )?
             }
         };
         let name = ExposureEvidence::STAGE;
@@ -261,7 +275,8 @@ impl TrainJob {
 
     /// What becomes of the teacher.
     pub fn teacher_plan(&self) -> TeacherPlan {
-        let (photos, kept) = (self.dataset.train().count(), self.teacher_file.as_deref());
+        let photos = self.dataset.train().count();
+        let kept = self.teacher_file.as_deref();
         match (&self.teacher, &self.resume) {
             (Some(source), resume) => TeacherPlan::asked(source, resume.is_some(), kept),
             (None, Some(checkpoint)) => TeacherPlan::resumed(checkpoint, photos, kept),
@@ -272,7 +287,11 @@ impl TrainJob {
     /// Trains a teacher, with the report's stage. The limit of CPU seconds is that of the run's own steps.
     ///
     /// Errors: those of a training; a stopped training; a budget that is too small.
-    fn train_teacher(&self, began: Instant, observer: Observer<'_>) -> Result<(ImportedScene, StageReport)> {
+    fn train_teacher(
+        &self,
+        began: Instant,
+        observer: Observer<'_>,
+    ) -> Result<(ImportedScene, StageReport)> {
         let clock = Instant::now();
         let mut enough = teacher::enough_for_teacher(self.dataset.train().count());
         // Steps given for the run also hold for its teacher.
@@ -286,14 +305,17 @@ impl TrainJob {
             ..Self::new(self.dataset.clone(), TrainOptions::default())
         };
         let paced = job.keep_to_budget(enough, began)?;
-        let run =
-            TrainRun::new(&job.dataset, &job.options.options).with_dataset_options(&job.dataset_options);
+        let run = TrainRun::new(&job.dataset, &job.options.options)
+            .with_dataset_options(&job.dataset_options);
         // The run reports the card, so the teacher does not.
         let run = TrainRun { paced, ..run }.start_at(&self.backend)?;
         let triangles = run.triangles();
-        let (part, steps) = (TrainPart::Teacher, run.options().steps);
-        let trained =
-            run.finish(&mut begin(observer, &TrainBegins { part, steps, ..TrainBegins::default() })?)?;
+        let part = TrainPart::Teacher;
+        let steps = run.options().steps;
+        let trained = run.finish(&mut begin(
+            observer,
+            &TrainBegins { part, steps, ..TrainBegins::default() },
+        )?)?;
         if trained.stopped {
             return Err(stopped("the training of a soft teacher scene", &trained));
         }
@@ -315,10 +337,12 @@ impl TrainJob {
     fn keep_to_budget(&mut self, enough: StepLimit, began: Instant) -> Result<Option<Paced>> {
         let triangles_given = self.options.is_given("max_triangles");
         let Some(budget) = self.budget else {
-            self.options.options = with_fewer_steps(&self.options.options, enough.steps, triangles_given);
+            self.options.options =
+                with_fewer_steps(&self.options.options, enough.steps, triangles_given);
             return Ok(None);
         };
-        let (options, how) = (&self.options.options, &mut self.dataset_options);
+        let options = &self.options.options;
+        let how = &mut self.dataset_options;
         let spending = Spending::of_process(budget.clock, began);
         let speed = trisplat_train::speed(
             &self.dataset,
@@ -370,7 +394,11 @@ fn check(budget: Option<Budget>, options: &Layered<TrainOptions>) -> Result<()> 
 }
 
 /// `options` with at most `most` steps, and proportionally fewer triangles unless they are given.
-fn with_fewer_steps(options: &TrainOptions, most: Option<u64>, triangles_given: bool) -> TrainOptions {
+fn with_fewer_steps(
+    options: &TrainOptions,
+    most: Option<u64>,
+    triangles_given: bool,
+) -> TrainOptions {
     let Some(steps) = most.filter(|most| *most < options.steps) else { return options.clone() };
     let fewer = options.max_triangles as f64 * steps as f64 / options.steps as f64;
     let max_triangles = if triangles_given { options.max_triangles } else { (fewer as u64).max(1) };

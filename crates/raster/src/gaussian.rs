@@ -63,14 +63,17 @@ pub fn draw_and_weigh(
             dispatch(DrawTile { ellipses, entries, corner: corner.as_vec2(), width, height, weigh })
         };
         let tiles: Vec<TilePixels> = parallel::map((0..rows.count.x).map(|_| ()), draw);
-        for (line, (rgb, transmittance)) in
-            rgb.chunks_mut(size.x as usize).zip(transmittance.chunks_mut(size.x as usize)).enumerate()
+        for (line, (rgb, transmittance)) in rgb
+            .chunks_mut(size.x as usize)
+            .zip(transmittance.chunks_mut(size.x as usize))
+            .enumerate()
         {
             for (x, (rgb, transmittance)) in rgb.iter_mut().zip(transmittance).enumerate() {
-                let (tile, lane) = (&tiles[x / LANES], x % LANES);
+                let tile = &tiles[x / LANES];
+                let lane = x % LANES;
                 *transmittance = tile.transmittance[line][lane];
-                *rgb =
-                    [0, 1, 2].map(|c| transmittance.mul_add(options.background[c], tile.rgb[c][line][lane]));
+                *rgb = [0, 1, 2]
+                    .map(|c| transmittance.mul_add(options.background[c], tile.rgb[c][line][lane]));
             }
         }
         let of_tile = |(i, tile): (usize, &TilePixels)| {
@@ -153,7 +156,8 @@ impl DrawTile<'_> {
         }
         let across = (L::load(&CENTRES) + L::splat(offset.x)) * L::splat(ellipse.along);
         let rgb = [L::splat(ellipse.rgb[0]), L::splat(ellipse.rgb[1]), L::splat(ellipse.rgb[2])];
-        let (cutoff, end) = (L::splat(LOG2_CUTOFF), L::splat(MIN_TRANSMITTANCE));
+        let cutoff = L::splat(LOG2_CUTOFF);
+        let end = L::splat(MIN_TRANSMITTANCE);
         for line in first..=last as usize {
             if *alive >> line & 1 == 0 {
                 continue;
@@ -167,7 +171,8 @@ impl DrawTile<'_> {
             if L::bits(drawn) == 0 {
                 continue;
             }
-            let alpha = Real::min(Real::max(power, L::splat(LEAST_POWER)).exp2(), L::splat(ALPHA_CAP));
+            let alpha =
+                Real::min(Real::max(power, L::splat(LEAST_POWER)).exp2(), L::splat(ALPHA_CAP));
             let (weight, after) = window::blend(before, alpha.masked(drawn));
             for (channel, color) in pixels.rgb.iter_mut().zip(rgb) {
                 weight.mul_add(color, L::load(&channel[line])).store(&mut channel[line]);

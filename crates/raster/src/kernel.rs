@@ -75,7 +75,13 @@ impl Rate {
 /// x = x - rate / (1 - β1^t) · m / (sqrt(v / (1 - β2^t)) + eps)
 /// ```
 #[inline(always)]
-pub fn adam(rate: Rate, values: &mut [f32], gradient: &[f32], first: &mut [f32], second: &mut [f32]) {
+pub fn adam(
+    rate: Rate,
+    values: &mut [f32],
+    gradient: &[f32],
+    first: &mut [f32],
+    second: &mut [f32],
+) {
     for (((x, &g), m), v) in values.iter_mut().zip(gradient).zip(first).zip(second) {
         *m = BETA1 * *m + (1.0 - BETA1) * g;
         *v = BETA2 * *v + (1.0 - BETA2) * g * g;
@@ -89,7 +95,9 @@ mod tests {
 
     #[test]
     fn the_first_step_is_the_rate() {
-        let (mut x, mut m, mut v) = ([1.0, 1.0], [0.0; 2], [0.0; 2]);
+        let mut x = [1.0, 1.0];
+        let mut m = [0.0; 2];
+        let mut v = [0.0; 2];
         adam(Rate::new(0.01, 1), &mut x, &[3.0, -0.0002], &mut m, &mut v);
         assert!((x[0] - 0.99).abs() < 1e-6 && (x[1] - 1.01).abs() < 1e-6, "{x:?}");
     }
@@ -97,21 +105,28 @@ mod tests {
     #[test]
     fn follows_the_textbook_in_f64() {
         let gradients = [0.5f64, -1.0, 0.25, 0.0, 2.0];
-        let (mut x, mut m, mut v) = ([0.0f32], [0.0f32], [0.0f32]);
-        let (mut x64, mut m64, mut v64) = (0.0f64, 0.0f64, 0.0f64);
+        let mut x = [0.0f32];
+        let mut m = [0.0f32];
+        let mut v = [0.0f32];
+        let mut x64 = 0.0f64;
+        let mut m64 = 0.0f64;
+        let mut v64 = 0.0f64;
         for (i, g) in gradients.iter().enumerate() {
             let t = i as i32 + 1;
             adam(Rate::new(0.1, t as u64), &mut x, &[*g as f32], &mut m, &mut v);
             m64 = 0.9 * m64 + 0.1 * g;
             v64 = 0.999 * v64 + 0.001 * g * g;
-            x64 -= 0.1 * (m64 / (1.0 - 0.9f64.powi(t))) / ((v64 / (1.0 - 0.999f64.powi(t))).sqrt() + 1e-15);
+            x64 -= 0.1 * (m64 / (1.0 - 0.9f64.powi(t)))
+                / ((v64 / (1.0 - 0.999f64.powi(t))).sqrt() + 1e-15);
         }
         assert!((f64::from(x[0]) - x64).abs() < 1e-5, "{} {x64}", x[0]);
     }
 
     #[test]
     fn a_zero_gradient_on_fresh_moments_moves_nothing() {
-        let (mut x, mut m, mut v) = ([5.0], [0.0], [0.0]);
+        let mut x = [5.0];
+        let mut m = [0.0];
+        let mut v = [0.0];
         adam(Rate::new(0.1, 1), &mut x, &[0.0], &mut m, &mut v);
         assert_eq!(x[0], 5.0);
     }

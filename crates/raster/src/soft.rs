@@ -62,7 +62,8 @@ impl SoftRasterizer {
     ) -> &Frame {
         self.projection.project(soup, camera, options);
         self.projection.order();
-        let (splats, size) = (&self.projection.splats, camera.size);
+        let splats = &self.projection.splats;
+        let size = camera.size;
         let pairs = self.pairs_per_slab.unwrap_or(PAIRS_PER_SLAB);
         if needs_slabs(splats, size, options, pairs) {
             self.draw_slabs(size, options, counted, pairs);
@@ -87,7 +88,8 @@ impl SoftRasterizer {
     ) {
         let Self { projection, tiles, pixels, slots, .. } = self;
         backward::draw_grad(&projection.splats, tiles, pixels, options, d, slots);
-        let pairs = PairGrads { chunks: &self.projection.chunks, tiles: &self.tiles, slots: &self.slots };
+        let pairs =
+            PairGrads { chunks: &self.projection.chunks, tiles: &self.tiles, slots: &self.slots };
         gather::gather(&pairs, soup, camera, options, out);
     }
 
@@ -140,7 +142,8 @@ fn fill<T: Send>(
         for (y, row) in rows.chunks_mut(width).enumerate() {
             for (x, out) in row.iter_mut().enumerate() {
                 let tile = &pixels[band * tiles.count.x as usize + x / TILE as usize];
-                let (x, y) = (x % TILE as usize, y);
+                let x = x % TILE as usize;
+                let y = y;
                 *out = at(tile, (y / 4) * 4 + x / 4, (y % 4) * 4 + x % 4);
             }
         }
@@ -161,8 +164,10 @@ const PAIRS_PER_SLAB: u64 = 1 << 24;
 fn needs_slabs(splats: &Splats, size: UVec2, options: &SoftOptions, pairs: u64) -> bool {
     let [width, height] = size.as_vec2().to_array();
     // More tiles than the box can touch; rounded down, as whole numbers are summed faster.
-    let tiles = |lo: f32, hi: f32, most: f32| (hi.min(most) - lo.max(0.0)).max(0.0) / TILE as f32 + 2.0;
-    let tiles = |b: &ScreenBox| (tiles(b.lo[0], b.hi[0], width) * tiles(b.lo[1], b.hi[1], height)) as u64;
+    let tiles =
+        |lo: f32, hi: f32, most: f32| (hi.min(most) - lo.max(0.0)).max(0.0) / TILE as f32 + 2.0;
+    let tiles =
+        |b: &ScreenBox| (tiles(b.lo[0], b.hi[0], width) * tiles(b.lo[1], b.hi[1], height)) as u64;
     options.sort == Sort::Tile && splats.bounds.iter().map(tiles).sum::<u64>() > pairs
 }
 
@@ -187,7 +192,8 @@ impl SoftRasterizer {
     ) {
         let Self { projection: Projection { splats, .. }, tiles, pixels, weights, .. } = self;
         let mut open = OpenTiles::all(size);
-        let (mut kept, mut kept_weights) = (KeptPairs::default(), Vec::new());
+        let mut kept = KeptPairs::default();
+        let mut kept_weights = Vec::new();
         let mut drawn = 0;
         while drawn < splats.records.len() && (drawn == 0 || open.any()) {
             let some = next_slab(splats, drawn, &open, pairs);
@@ -218,8 +224,15 @@ mod tests {
     const SIZE: UVec2 = UVec2::new(150, 90);
 
     fn camera() -> Camera {
-        let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
-        Camera { rotation, translation, focal: Vec2::splat(100.0), center: SIZE.as_vec2() / 2.0, size: SIZE }
+        let rotation = Mat3::IDENTITY;
+        let translation = Vec3::ZERO;
+        Camera {
+            rotation,
+            translation,
+            focal: Vec2::splat(100.0),
+            center: SIZE.as_vec2() / 2.0,
+            size: SIZE,
+        }
     }
 
     /// Triangles of all sizes; the opaque ones close tiles.
@@ -239,9 +252,15 @@ mod tests {
     }
 
     /// Everything that a frame leaves.
-    fn all(soup: &Soup, options: &SoftOptions, pairs: u64) -> (SoftRasterizer, SoupGrad, Importance) {
-        let (camera, soup) = (camera(), SoupRef::from(soup));
-        let (mut soft, mut grad) = (SoftRasterizer::new(), SoupGrad::default());
+    fn all(
+        soup: &Soup,
+        options: &SoftOptions,
+        pairs: u64,
+    ) -> (SoftRasterizer, SoupGrad, Importance) {
+        let camera = camera();
+        let soup = SoupRef::from(soup);
+        let mut soft = SoftRasterizer::new();
+        let mut grad = SoupGrad::default();
         soft.pairs_per_slab = Some(pairs);
         soft.render(&soup, &camera, options);
         let mut importance = Importance::new(soup.count());
@@ -254,7 +273,8 @@ mod tests {
 
     #[test]
     fn slabs_change_no_bit() {
-        let options = SoftOptions { importance: true, background: [0.2, 0.5, 0.9], ..SoftOptions::default() };
+        let options =
+            SoftOptions { importance: true, background: [0.2, 0.5, 0.9], ..SoftOptions::default() };
         for (options, count) in [
             (options, 900),
             (SoftOptions { geometry: true, ..options }, 900),
@@ -276,9 +296,11 @@ mod tests {
     #[test]
     fn what_is_hidden_takes_no_memory() {
         let mut soup = soup(1);
-        let flat = |z: f32| [Vec3::new(-9.0, -9.0, z), Vec3::new(9.0, -9.0, z), Vec3::new(0.0, 18.0, z)];
+        let flat =
+            |z: f32| [Vec3::new(-9.0, -9.0, z), Vec3::new(9.0, -9.0, z), Vec3::new(0.0, 18.0, z)];
         soup.vertices = (0..5000).map(|i| flat(1.0 + 0.001 * i as f32)).collect();
-        (soup.opacity, soup.sigma) = (vec![0.99; 5000], vec![0.001; 5000]);
+        soup.opacity = vec![0.99; 5000];
+        soup.sigma = vec![0.001; 5000];
         soup.sh = vec![[0.1; 3]; 5000];
         let options = SoftOptions::default();
         let (whole, ..) = all(&soup, &options, u64::MAX);

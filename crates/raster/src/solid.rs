@@ -26,8 +26,8 @@ mod visibility;
 pub use visibility::{Barycentrics, FaceBarycentrics, NO_FACE, Nearest, PlaneTile, Visibility};
 
 use bin::{
-    Batch, EMPTY, STRIDE, SampleKeys, TILE_HEIGHT, TILE_WIDTH, TileDepths, face_of, inverse_depth_of,
-    tile_count, tile_place, tile_size,
+    Batch, EMPTY, STRIDE, SampleKeys, TILE_HEIGHT, TILE_WIDTH, TileDepths, face_of,
+    inverse_depth_of, tile_count, tile_place, tile_size,
 };
 use fill::FillTile;
 use glam::UVec2;
@@ -99,38 +99,66 @@ impl SolidRasterizer {
     /// The picture of `camera`, in 8 bits. The same bytes for any number of threads.
     ///
     /// The mesh must be valid ([`Mesh::validate_shape`]) and the options valid for the camera's size.
-    pub fn render(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> RgbImage {
+    pub fn render(
+        &mut self,
+        mesh: &Mesh,
+        camera: &Camera,
+        options: &SolidRasterOptions,
+    ) -> RgbImage {
         let projector = &Projector::new(camera, options.samples, options.near);
-        let (size, samples) = (camera.size, options.samples as usize);
+        let size = camera.size;
+        let samples = options.samples as usize;
         let mut rgb = vec![[0; 3]; size.x as usize * size.y as usize];
-        let tiles = split_tiles(&mut rgb, size.x as usize, TILE_WIDTH / samples, TILE_HEIGHT / samples);
+        let tiles =
+            split_tiles(&mut rgb, size.x as usize, TILE_WIDTH / samples, TILE_HEIGHT / samples);
         let background = options.background.map(linear_from_srgb);
-        Faces::new(self, mesh, projector, (1, None)).for_each_tile(tiles, |place, keys, mut rows| {
-            let corner = [place.x * TILE_WIDTH as u32, place.y * TILE_HEIGHT as u32];
-            dispatch(ShadeTile { mesh, projector, background, corner, keys: &keys[0], rows: &mut rows });
-        });
+        Faces::new(self, mesh, projector, (1, None)).for_each_tile(
+            tiles,
+            |place, keys, mut rows| {
+                let corner = [place.x * TILE_WIDTH as u32, place.y * TILE_HEIGHT as u32];
+                dispatch(ShadeTile {
+                    mesh,
+                    projector,
+                    background,
+                    corner,
+                    keys: &keys[0],
+                    rows: &mut rows,
+                });
+            },
+        );
         RgbImage { size, rgb, alpha: None }
     }
 
     /// The face and depth that every sample sees.
-    pub fn visibility(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> &Visibility {
+    pub fn visibility(
+        &mut self,
+        mesh: &Mesh,
+        camera: &Camera,
+        options: &SolidRasterOptions,
+    ) -> &Visibility {
         let projector = Projector::new(camera, options.samples, options.near);
         let mut out = std::mem::take(&mut self.visibility);
         out.size = projector.size;
-        let (width, count) = (out.size.x as usize, out.size.x as usize * out.size.y as usize);
+        let width = out.size.x as usize;
+        let count = out.size.x as usize * out.size.y as usize;
         out.face.resize(count, NO_FACE);
         out.depth.resize(count, f32::INFINITY);
         let seen = split_tiles(&mut out.face, width, TILE_WIDTH, TILE_HEIGHT);
         let depths = split_tiles(&mut out.depth, width, TILE_WIDTH, TILE_HEIGHT);
         let tiles = seen.into_iter().zip(depths).collect();
-        Faces::new(self, mesh, &projector, (1, None)).for_each_tile(tiles, |_, keys, (seen, depths)| {
-            for ((faces, depths), keys) in seen.into_iter().zip(depths).zip(keys[0].chunks(STRIDE)) {
-                for ((face, depth), key) in faces.iter_mut().zip(depths).zip(keys) {
-                    *face = face_of(*key);
-                    *depth = 1.0 / inverse_depth_of(*key);
+        Faces::new(self, mesh, &projector, (1, None)).for_each_tile(
+            tiles,
+            |_, keys, (seen, depths)| {
+                for ((faces, depths), keys) in
+                    seen.into_iter().zip(depths).zip(keys[0].chunks(STRIDE))
+                {
+                    for ((face, depth), key) in faces.iter_mut().zip(depths).zip(keys) {
+                        *face = face_of(*key);
+                        *depth = 1.0 / inverse_depth_of(*key);
+                    }
                 }
-            }
-        });
+            },
+        );
         self.visibility = out;
         &self.visibility
     }
@@ -175,7 +203,8 @@ impl<'a> Faces<'a> {
         projector: &Projector,
         (planes, plane_of): (usize, Option<&'a [u8]>),
     ) -> Self {
-        let (batches, size) = (&mut solid.batches, projector.size);
+        let batches = &mut solid.batches;
+        let size = projector.size;
         let pairs = solid.pairs_per_round.unwrap_or(PAIRS_PER_ROUND);
         bin::start(batches, mesh);
         let mut all = bin::bin(batches, mesh, projector, None, pairs);
@@ -197,7 +226,11 @@ impl<'a> Faces<'a> {
     }
 
     /// Gives `on_tile` the place and the keys of each tile with its part of `tiles`. `[planes]`
-    fn for_each_tile<T: Send>(&self, tiles: Vec<T>, on_tile: impl Fn(UVec2, &[SampleKeys], T) + Sync) {
+    fn for_each_tile<T: Send>(
+        &self,
+        tiles: Vec<T>,
+        on_tile: impl Fn(UVec2, &[SampleKeys], T) + Sync,
+    ) {
         let Self { batches, filled, planes, plane_of, size } = self;
         parallel::for_each_with(
             tiles,
@@ -217,7 +250,12 @@ impl<'a> Faces<'a> {
 }
 
 /// The rows of a picture split into tiles of `columns` by `rows`, tile by tile. `[tiles][rows]`
-fn split_tiles<T>(values: &mut [T], width: usize, columns: usize, rows: usize) -> Vec<Vec<&mut [T]>> {
+fn split_tiles<T>(
+    values: &mut [T],
+    width: usize,
+    columns: usize,
+    rows: usize,
+) -> Vec<Vec<&mut [T]>> {
     let mut tiles: Vec<Vec<&mut [T]>> = Vec::new();
     for band in values.chunks_mut(width * rows) {
         let first = tiles.len();
@@ -241,13 +279,21 @@ mod tests {
     const SIZE: UVec2 = UVec2::new(300, 170);
 
     fn camera() -> Camera {
-        let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
-        Camera { rotation, translation, focal: Vec2::splat(200.0), center: SIZE.as_vec2() / 2.0, size: SIZE }
+        let rotation = Mat3::IDENTITY;
+        let translation = Vec3::ZERO;
+        Camera {
+            rotation,
+            translation,
+            focal: Vec2::splat(200.0),
+            center: SIZE.as_vec2() / 2.0,
+            size: SIZE,
+        }
     }
 
     /// Triangles of all sizes, many of them across the picture, tilted and level, some through the near plane.
     fn deep(faces: u64) -> Mesh {
-        let (mut positions, mut colors) = (Vec::new(), Vec::new());
+        let mut positions = Vec::new();
+        let mut colors = Vec::new();
         for i in 0..faces {
             let rng = Rng::new(5, "deep", i);
             let point = |k: u64| Vec3::from([0, 1, 2].map(|c| 2.0 * rng.uniform(3 * k + c) - 1.0));
@@ -266,8 +312,10 @@ mod tests {
     #[test]
     fn single_sided_faces_are_drawn_from_their_front_only() {
         // The second crosses the near plane, so that it is clipped.
-        let front = [Vec3::new(-1.0, 1.0, 3.0), Vec3::new(1.0, 1.0, 3.0), Vec3::new(0.0, -1.0, 3.0)];
-        let clipped = [Vec3::new(-1.0, 1.0, -1.0), Vec3::new(1.0, 1.0, -1.0), Vec3::new(0.0, 1.0, 5.0)];
+        let front =
+            [Vec3::new(-1.0, 1.0, 3.0), Vec3::new(1.0, 1.0, 3.0), Vec3::new(0.0, -1.0, 3.0)];
+        let clipped =
+            [Vec3::new(-1.0, 1.0, -1.0), Vec3::new(1.0, 1.0, -1.0), Vec3::new(0.0, 1.0, 5.0)];
         for corners in [front, clipped] {
             let mut mesh = Mesh::from_triangles(&[corners], &[[1.0; 3]]).unwrap();
             let drawn = |mesh: &Mesh| {
@@ -290,7 +338,8 @@ mod tests {
 
     #[test]
     fn rounds_change_no_sample() {
-        let (mesh, camera) = (deep(6000), camera());
+        let mesh = deep(6000);
+        let camera = camera();
         for samples in [1, 2] {
             let options = SolidRasterOptions { samples, ..SolidRasterOptions::default() };
             let mut whole =
@@ -308,13 +357,19 @@ mod tests {
 
     #[test]
     fn what_is_hidden_takes_no_memory() {
-        let flat = |z: f32| [Vec3::new(-30.0, -30.0, z), Vec3::new(30.0, -30.0, z), Vec3::new(0.0, 60.0, z)];
-        let positions = (0..20_000).flat_map(|i| flat(2.0 + 1e-4 * (i * 7919 % 20_000) as f32)).collect();
-        let mesh = Mesh { positions, colors: Colors::Face(vec![[0.5; 3]; 20_000]), ..Mesh::default() };
-        let mut solid = SolidRasterizer { pairs_per_round: Some(2000), ..SolidRasterizer::default() };
+        let flat = |z: f32| {
+            [Vec3::new(-30.0, -30.0, z), Vec3::new(30.0, -30.0, z), Vec3::new(0.0, 60.0, z)]
+        };
+        let positions =
+            (0..20_000).flat_map(|i| flat(2.0 + 1e-4 * (i * 7919 % 20_000) as f32)).collect();
+        let mesh =
+            Mesh { positions, colors: Colors::Face(vec![[0.5; 3]; 20_000]), ..Mesh::default() };
+        let mut solid =
+            SolidRasterizer { pairs_per_round: Some(2000), ..SolidRasterizer::default() };
         let seen = solid.visibility(&mesh, &camera(), &SolidRasterOptions::default());
         assert!(seen.face.iter().all(|face| *face == 0));
-        let held: usize = solid.batches.iter().flat_map(|b| &b.bins).map(|bin| bin.large.capacity()).sum();
+        let held: usize =
+            solid.batches.iter().flat_map(|b| &b.bins).map(|bin| bin.large.capacity()).sum();
         assert!(held < 40_000, "{held} pairs");
     }
 }

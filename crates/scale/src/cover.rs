@@ -82,7 +82,8 @@ pub(super) fn assign(
     for (block, mut views) in blocks.iter_mut().zip(shown) {
         views.sort_by(|(a, x), (b, y)| y.cover.total_cmp(&x.cover).then(a.cmp(b)));
         let enough = views.partition_point(|(_, seen)| seen.cover >= min_cover);
-        let most = if options.block_photos == 0 { usize::MAX } else { options.block_photos as usize };
+        let most =
+            if options.block_photos == 0 { usize::MAX } else { options.block_photos as usize };
         views.truncate(enough.max(FEWEST_PHOTOS).min(most.max(FEWEST_PHOTOS)));
         views.sort_by_key(|(photo, _)| *photo);
         let block_photo = |(photo, SeenBlock { cover, part: (corner, size), .. })| BlockPhoto {
@@ -101,12 +102,19 @@ pub(super) fn assign(
 }
 
 /// Which triangles of the coarse scene the cropped photos of a block show. `[N]`
-pub(super) fn visible(block: &Block, views: &[&View], coverage: &Coverage<'_>) -> Result<Vec<bool>> {
+pub(super) fn visible(
+    block: &Block,
+    views: &[&View],
+    coverage: &Coverage<'_>,
+) -> Result<Vec<bool>> {
     let look = |brush: &mut Brush, _, photo: &BlockPhoto| -> Result<Vec<u32>> {
         let (corner, size) = photo.corner_and_size();
         coverage.draw(brush, &views[photo.photo as usize].cropped(corner, size)?.camera);
         let weighed = brush.numbers.iter().zip(&brush.importance.max_weight);
-        Ok(weighed.filter(|(_, weight)| **weight >= LEAST_WEIGHT).map(|(number, _)| *number).collect())
+        Ok(weighed
+            .filter(|(_, weight)| **weight >= LEAST_WEIGHT)
+            .map(|(number, _)| *number)
+            .collect())
     };
     let mut visible = vec![false; coverage.middles.len()];
     for seen in parallel::map_with(&block.photos, Brush::default, look) {
@@ -130,16 +138,24 @@ impl<'a> Coverage<'a> {
         });
         cells.soup.shell.clear();
         // A triangle may be as small as a pixel here and still count; behind everything is nothing.
-        let options = SoftOptions { fade_px: 0.0, background: [0.0; 3], importance: false, ..*options };
+        let options =
+            SoftOptions { fade_px: 0.0, background: [0.0; 3], importance: false, ..*options };
         Self { cells, middles, owners, space, options }
     }
 
     /// Which blocks `camera`, that of a whole photo, sees with at least `min_cover` of its picture.
-    fn look(&self, brush: &mut Brush, camera: &Camera, blocks: &[Block], min_cover: f32) -> Vec<SeenBlock> {
+    fn look(
+        &self,
+        brush: &mut Brush,
+        camera: &Camera,
+        blocks: &[Block],
+        min_cover: f32,
+    ) -> Vec<SeenBlock> {
         let small = self.draw(brush, camera);
         let pixels = small.size.element_product() as f32;
         let mut cover = vec![0.0; blocks.len()];
-        for (sum, i) in brush.importance.sum_weight.iter().zip(&brush.numbers).filter(|(sum, _)| **sum > 0.0)
+        for (sum, i) in
+            brush.importance.sum_weight.iter().zip(&brush.numbers).filter(|(sum, _)| **sum > 0.0)
         {
             cover[self.owners[*i as usize] as usize] += sum / pixels;
         }
@@ -203,7 +219,8 @@ impl Brush {
 
 /// The part of a photo of `full` px that holds a channel of a small drawing, without a small share on each side.
 fn part_of(shown: &[[f32; 3]], channel: usize, small: UVec2, full: UVec2) -> (UVec2, UVec2) {
-    let (mut columns, mut rows) = (vec![0.0; small.x as usize], vec![0.0; small.y as usize]);
+    let mut columns = vec![0.0; small.x as usize];
+    let mut rows = vec![0.0; small.y as usize];
     for (row, pixels) in rows.iter_mut().zip(shown.chunks(small.x as usize)) {
         for (column, rgb) in columns.iter_mut().zip(pixels) {
             *column += rgb[channel];
@@ -217,7 +234,8 @@ fn part_of(shown: &[[f32; 3]], channel: usize, small: UVec2, full: UVec2) -> (UV
         let to = ((last + 1) as f32 * scale + MARGIN_PX).ceil() as u32;
         [from.min(full - 1), to.next_multiple_of(ALIGNED_PX).min(full)]
     };
-    let ([left, right], [top, bottom]) = (along(&columns, small.x, full.x), along(&rows, small.y, full.y));
+    let [left, right] = along(&columns, small.x, full.x);
+    let [top, bottom] = along(&rows, small.y, full.y);
     (UVec2::new(left, top), UVec2::new(right - left, bottom - top))
 }
 
@@ -240,7 +258,8 @@ fn reach(sums: &[f32], least: f32, mut order: impl Iterator<Item = usize>) -> Op
 
 /// The owner of each triangle: the block whose core holds its middle.
 pub(super) fn owners(middles: &[Vec3], cores: &[Region]) -> Vec<u32> {
-    let owner = |point: Vec3| cores.iter().position(|core| core.contains(point)).unwrap_or(0) as u32;
+    let owner =
+        |point: Vec3| cores.iter().position(|core| core.contains(point)).unwrap_or(0) as u32;
     parallel::collect(middles.len(), GRAIN, |i| owner(middles[i]))
 }
 
@@ -262,7 +281,8 @@ struct Cells {
 impl Cells {
     /// Of a soup that is changed before it is drawn; `middles` are those of its triangles.
     fn new(soup: &Soup, middles: &[Vec3], change: impl FnOnce(&mut Soup)) -> Self {
-        let numbers = along_curve(&middles.iter().map(|middle| middle.as_dvec3()).collect::<Vec<_>>());
+        let numbers =
+            along_curve(&middles.iter().map(|middle| middle.as_dvec3()).collect::<Vec<_>>());
         let order: Vec<usize> = numbers.iter().map(|i| *i as usize).collect();
         let mut soup = soup.picked(&order);
         change(&mut soup);
@@ -299,7 +319,8 @@ impl Cells {
 /// The five sides of what a camera sees: their normals in its space, inwards, and for a box of the world how far it reaches along each.
 fn sides(camera: &Camera) -> [(Vec3, Vec3); 5] {
     let Vec2 { x: fx, y: fy } = camera.focal;
-    let (low, high) = (camera.center + REACH_PX, camera.size.as_vec2() + REACH_PX - camera.center);
+    let low = camera.center + REACH_PX;
+    let high = camera.size.as_vec2() + REACH_PX - camera.center;
     let normals = [
         Vec3::Z,
         Vec3::new(fx, 0.0, low.x),
@@ -333,13 +354,17 @@ mod tests {
     fn street() -> Soup {
         let mut soup = Soup::default();
         for i in 0..1600 {
-            let (side, along) = (if i % 4 < 2 { -3.0 } else { 3.0 }, (i / 4) as f32);
+            let side = if i % 4 < 2 { -3.0 } else { 3.0 };
+            let along = (i / 4) as f32;
             let [low, high] = [Vec3::new(along, side, 0.0), Vec3::new(along + 1.0, side, 3.0)];
-            let other = if i % 2 == 0 { Vec3::new(high.x, side, 0.0) } else { Vec3::new(low.x, side, 3.0) };
+            let other =
+                if i % 2 == 0 { Vec3::new(high.x, side, 0.0) } else { Vec3::new(low.x, side, 3.0) };
             soup.vertices.push([low, high, other]);
         }
         let count = soup.vertices.len();
-        (soup.opacity, soup.sigma, soup.sh) = (vec![0.7; count], vec![1.0; count], vec![[0.3; 3]; count]);
+        soup.opacity = vec![0.7; count];
+        soup.sigma = vec![1.0; count];
+        soup.sh = vec![[0.3; 3]; count];
         soup
     }
 
@@ -363,7 +388,8 @@ mod tests {
         let owners = owners(&middles, &regions);
         let space = SceneNormalization { center: Vec3::new(10.0, 0.0, 0.0), scale: 0.5 };
         let coverage = Coverage::new(&soup, &middles, &owners, space, &SoftOptions::default());
-        let (mut brush, mut soft) = (Brush::default(), SoftRasterizer::new());
+        let mut brush = Brush::default();
+        let mut soft = SoftRasterizer::new();
         let mut projected = 0;
         for camera in cameras() {
             let small = coverage.draw(&mut brush, &camera);
@@ -374,7 +400,11 @@ mod tests {
             soft.accumulate_importance(&mut whole);
             assert_eq!(soft.frame().rgb, brush.soft.frame().rgb);
             let mut seen = vec![0.0; soup.len()];
-            brush.numbers.iter().zip(&brush.importance.max_weight).for_each(|(i, w)| seen[*i as usize] = *w);
+            brush
+                .numbers
+                .iter()
+                .zip(&brush.importance.max_weight)
+                .for_each(|(i, w)| seen[*i as usize] = *w);
             for (number, weight) in coverage.cells.numbers.iter().zip(&whole.max_weight) {
                 assert_eq!(seen[*number as usize], *weight);
             }

@@ -11,7 +11,9 @@ use trisplat_formats::{self as formats, ReadOptions, ply};
 use trisplat_scene::atomic::{AtomicFile, folder_of, put, sweep_folder};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::ranges::{self, Called};
-use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, SceneNormalization, Soup, input};
+use trisplat_scene::{
+    Error, ImportedScene, Limits, Provenance, Result, SceneNormalization, Soup, input,
+};
 use trisplat_train::{Core, TrainOptions};
 use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 
@@ -149,8 +151,15 @@ impl Manifest {
         let photo = |p: &BlockPhoto| (&self.photos[p.photo as usize], p.part);
         let photos: Vec<_> = block.photos.iter().map(photo).collect();
         let start = block.start.as_ref().map(|start| &start.hash);
-        let counts = [block.frozen, block.shell, block.max_triangles, block.steps, block.first_step];
-        let given = (&self.generator, &self.dataset_options, self.origin, self.space, self.options_of(index));
+        let counts =
+            [block.frozen, block.shell, block.max_triangles, block.steps, block.first_step];
+        let given = (
+            &self.generator,
+            &self.dataset_options,
+            self.origin,
+            self.space,
+            self.options_of(index),
+        );
         hash_of(&(given, photos, start, &self.points, counts, &block.core, block.core_triangles))
     }
 
@@ -174,8 +183,10 @@ impl Manifest {
     fn validate(&self, path: &Path) -> Result<()> {
         let ours = trisplat_scene::report::generator();
         if self.format != FORMAT || self.generator != ours {
-            let reason =
-                format!("is a plan by {}, this is {ours}: use that version, or plan again", self.generator);
+            let reason = format!(
+                "is a plan by {}, this is {ours}: use that version, or plan again",
+                self.generator
+            );
             return Err(Error::unsupported(path, reason));
         }
         let bad = |at: String, reason: &str| Err(Error::malformed(path, at, reason));
@@ -194,7 +205,10 @@ impl Manifest {
                 return bad(format!("block {i}"), "has no steps of its own");
             }
             if self.key_of(i)? != block.key {
-                return bad(format!("block {i}"), "was changed by hand: its key does not fit; plan again");
+                return bad(
+                    format!("block {i}"),
+                    "was changed by hand: its key does not fit; plan again",
+                );
             }
             self.options_of(i)
                 .validate()
@@ -333,7 +347,9 @@ impl PlanOptions {
     ///
     /// Errors: none is set.
     pub(super) fn count(&self) -> Result<usize> {
-        let count = self.blocks.ok_or_else(|| Error::invalid("blocks", "not given", "a number of blocks"))?;
+        let count = self
+            .blocks
+            .ok_or_else(|| Error::invalid("blocks", "not given", "a number of blocks"))?;
         Ok(count as usize)
     }
 }
@@ -362,7 +378,8 @@ pub struct Source {
 /// Errors: what the operating system refuses; no regular file.
 pub(super) fn hash_of_file(path: &Path, limits: &Limits) -> Result<String> {
     let (mut file, _) = input::open(path, limits)?;
-    let (mut hash, mut buffer) = (Xxh3Default::new(), vec![0; BUFFER]);
+    let mut hash = Xxh3Default::new();
+    let mut buffer = vec![0; BUFFER];
     loop {
         match file.read(&mut buffer).map_err(|e| Error::io(path, e))? {
             0 => return Ok(digits(hash.digest())),
@@ -373,8 +390,8 @@ pub(super) fn hash_of_file(path: &Path, limits: &Limits) -> Result<String> {
 
 /// The hash of a value as JSON.
 pub(super) fn hash_of(value: &impl Serialize) -> Result<String> {
-    let bytes =
-        serde_json::to_vec(value).map_err(|e| Error::invalid("manifest", e, "numbers JSON can hold"))?;
+    let bytes = serde_json::to_vec(value)
+        .map_err(|e| Error::invalid("manifest", e, "numbers JSON can hold"))?;
     Ok(digits(xxh3_64(&bytes)))
 }
 
@@ -420,7 +437,9 @@ pub(super) fn read(folder: &Path, source: &Source, limits: &Limits) -> Result<Im
     let loaded = formats::read(&path, &options)?;
     match loaded.scene.triangle_count() as u64 == source.triangles {
         true => Ok(loaded),
-        false => Err(Error::unsupported(&path, "has other triangles than were planned; plan again")),
+        false => {
+            Err(Error::unsupported(&path, "has other triangles than were planned; plan again"))
+        }
     }
 }
 

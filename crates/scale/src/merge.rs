@@ -5,7 +5,9 @@ use crate::region::halves;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use trisplat_bake::{Bake, BakeOptions, BakePreset, PlaceOptions, TeacherOptions, enlarge, rank_by_size};
+use trisplat_bake::{
+    Bake, BakeOptions, BakePreset, PlaceOptions, TeacherOptions, enlarge, rank_by_size,
+};
 use trisplat_formats::output::WriteDetails;
 use trisplat_formats::ply::SoupWriter;
 use trisplat_formats::{self as formats, ReadOptions, TilesetTile, TilesetWriter, bounds};
@@ -14,7 +16,8 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::math::geometry::centroid;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{
-    Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene, Soup, Tile, UpAxis, placed,
+    Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene, Soup, Tile, UpAxis,
+    placed,
 };
 
 /// The trained blocks of a plan.
@@ -33,11 +36,13 @@ impl Blocks {
     pub fn open(path: &Path, limits: &Limits) -> Result<Self> {
         let (manifest, folder) = Manifest::read(path, limits)?;
         let blocks = Self { manifest, folder, limits: *limits };
-        let missing: Vec<usize> = (0..blocks.count()).filter(|i| !blocks.path(*i).is_file()).collect();
+        let missing: Vec<usize> =
+            (0..blocks.count()).filter(|i| !blocks.path(*i).is_file()).collect();
         match missing.first() {
             None => Ok(blocks),
             Some(first) => {
-                let (count, all) = (missing.len(), blocks.count());
+                let count = missing.len();
+                let all = blocks.count();
                 let reason = format!(
                     "{count} of {all} blocks are not trained yet: `trisplat train --block {}:{first}` and so on",
                     blocks.folder.join(NAME).display()
@@ -75,8 +80,10 @@ impl Blocks {
         };
         // Files of a plan do not name the data set, what is made of them does, as a plain run.
         let source = Path::new(&self.manifest.dataset).file_name();
-        let provenance =
-            Provenance { source: source.map(|name| name.to_string_lossy().into_owned()), ..provenance };
+        let provenance = Provenance {
+            source: source.map(|name| name.to_string_lossy().into_owned()),
+            ..provenance
+        };
         let block = &self.manifest.blocks[index];
         let shell = soup.take_shell();
         let owned = |i: usize| block.core.contains(centroid(soup.vertices[i]));
@@ -99,8 +106,11 @@ impl Blocks {
     ///
     /// Errors: blocks that cannot be read; what the operating system refuses.
     pub fn merge_into(&self, file: &mut AtomicFile) -> Result<u64> {
-        let (mut shell, mut cameras, mut provenance) = (Soup::default(), Vec::new(), None);
-        let (mut degree, mut count) = (u8::MAX, 0);
+        let mut shell = Soup::default();
+        let mut cameras = Vec::new();
+        let mut provenance = None;
+        let mut degree = u8::MAX;
+        let mut count = 0;
         for index in 0..self.count() {
             let block = self.read(index)?;
             degree = degree.min(block.rest.sh_degree);
@@ -115,7 +125,8 @@ impl Blocks {
         let path = file.path().to_owned();
         let io = |e| Error::io(&path, e);
         let mut out =
-            SoupWriter::start(file, count, degree, &provenance, &cameras, !shell.is_empty()).map_err(io)?;
+            SoupWriter::start(file, count, degree, &provenance, &cameras, !shell.is_empty())
+                .map_err(io)?;
         out.vertices(&shell).map_err(io)?;
         self.each(degree, |rest| out.vertices(rest).map_err(io))?;
         out.faces(&shell).map_err(io)?;
@@ -181,8 +192,16 @@ pub fn bake_tiles(
         options.output.tileset_tiles,
     )?;
     let (placement, source) = placement(blocks, options)?;
-    let mut city =
-        City { blocks, options, placement, source, writer, shell: Soup::default(), triangles: 0, done };
+    let mut city = City {
+        blocks,
+        options,
+        placement,
+        source,
+        writer,
+        shell: Soup::default(),
+        triangles: 0,
+        done,
+    };
     let root = city.node(0, blocks.count(), "")?.map(|node| node.tile);
     let shell = std::mem::take(&mut city.shell);
     let root = city.with_shell(shell, root)?;
@@ -202,7 +221,10 @@ fn placement(blocks: &Blocks, options: &BakeOptions) -> Result<(Placement, Place
         }
     };
     let source = std::mem::take(&mut scene.provenance.placement);
-    let quick = BakeOptions { place: options.place.clone(), ..plain(&BakeOptions::preset(BakePreset::Fast)) };
+    let quick = BakeOptions {
+        place: options.place.clone(),
+        ..plain(&BakeOptions::preset(BakePreset::Fast))
+    };
     Ok((Bake::new(&quick).run([scene])?.provenance.placement, source))
 }
 
@@ -294,13 +316,15 @@ impl City<'_> {
         if let (true, Some(root)) = (shell.is_empty(), &root) {
             return Ok(root.clone());
         }
-        let options =
-            plain(&BakeOptions { place: PlaceOptions::DEFAULT, ..BakeOptions::preset(BakePreset::Fast) });
+        let options = plain(&BakeOptions {
+            place: PlaceOptions::DEFAULT,
+            ..BakeOptions::preset(BakePreset::Fast)
+        });
         let asset = Bake::new(&options).run([self.placed(shell)])?;
         self.triangles += asset.mesh.face_count() as u64;
         // It is everywhere, so that all below it is wanted until the whole is a few pixels wide.
-        let extent =
-            bounds(&asset.mesh, asset.mesh.face_count()).map_or(0.0, |[low, high]| (high - low).length());
+        let extent = bounds(&asset.mesh, asset.mesh.face_count())
+            .map_or(0.0, |[low, high]| (high - low).length());
         let error = root.as_ref().map_or(0.0, |root| root.error).max(extent);
         self.writer.above("shell", &asset, error, false, root.into_iter().collect())
     }

@@ -71,9 +71,12 @@ impl Planner<'_> {
         }
         let or_part = |given: u64, of: u64| if given > 0 { given } else { of };
         let share = GOES_ON_AT / REFERENCE_STEPS;
-        let steps = or_part(self.options.coarse_steps, (share * self.whole.steps as f64).ceil() as u64);
-        let max_triangles =
-            or_part(self.options.coarse_triangles, self.whole.max_triangles.div_ceil(COARSE_TRIANGLES));
+        let steps =
+            or_part(self.options.coarse_steps, (share * self.whole.steps as f64).ceil() as u64);
+        let max_triangles = or_part(
+            self.options.coarse_triangles,
+            self.whole.max_triangles.div_ceil(COARSE_TRIANGLES),
+        );
         let whole = (steps as f64 / share).round() as u64;
         Ok(Some((TrainOptions { steps: whole, max_triangles, ..self.whole.clone() }, steps)))
     }
@@ -82,7 +85,11 @@ impl Planner<'_> {
     /// a hash of its bytes behind that: [`keep_coarse`], [`find_coarse`](super::find_coarse).
     ///
     /// Errors: photos that cannot be read.
-    pub fn coarse_name(&self, coarse: &(TrainOptions, u64), photos: &[PlannedPhoto]) -> Result<String> {
+    pub fn coarse_name(
+        &self,
+        coarse: &(TrainOptions, u64),
+        photos: &[PlannedPhoto],
+    ) -> Result<String> {
         let generator = trisplat_scene::report::generator();
         let parts = (generator, self.dataset_options, coarse, photos, self.points());
         Ok(format!("coarse-{}.ply", hash_of(&parts)?))
@@ -166,9 +173,18 @@ impl Planner<'_> {
         };
         let TrainOptions { steps, max_triangles, seed, .. } = *self.whole;
         let photos = views.iter().enumerate().map(whole).collect();
-        let block =
-            Block { photos, steps, max_triangles, core_triangles: max_triangles, seed, ..Block::default() };
-        Block { expected: expected(&block, self.whole, self.dataset_options.photo_bytes()), ..block }
+        let block = Block {
+            photos,
+            steps,
+            max_triangles,
+            core_triangles: max_triangles,
+            seed,
+            ..Block::default()
+        };
+        Block {
+            expected: expected(&block, self.whole, self.dataset_options.photo_bytes()),
+            ..block
+        }
     }
 }
 
@@ -181,7 +197,10 @@ pub fn keep_coarse(path: &Path, trained: &Trained) -> Result<PathBuf> {
 }
 
 /// The photos of `dataset` that are not held out, with the hashes of their files.
-pub(super) fn planned_photos(dataset: &Dataset, options: &DatasetOptions) -> Result<Vec<PlannedPhoto>> {
+pub(super) fn planned_photos(
+    dataset: &Dataset,
+    options: &DatasetOptions,
+) -> Result<Vec<PlannedPhoto>> {
     let identity = RunIdentity::of(dataset, options.background.to_f32(), None);
     let views: Vec<&View> = dataset.train().collect();
     let planned = |_, (view, photo): (&&View, &trisplat_train::PhotoIdentity)| {
@@ -196,12 +215,17 @@ pub(super) fn planned_photos(dataset: &Dataset, options: &DatasetOptions) -> Res
 
 /// What training a block takes, by formulas: a plan is a function of its inputs.
 fn expected(block: &Block, options: &TrainOptions, photo_bytes: u64) -> Expected {
-    let areas: Vec<f64> =
-        block.photos.iter().map(|photo| photo.corner_and_size().1.as_dvec2().element_product()).collect();
-    let (pixels, largest) = (areas.iter().sum::<f64>(), areas.iter().copied().fold(0.0, f64::max));
+    let areas: Vec<f64> = block
+        .photos
+        .iter()
+        .map(|photo| photo.corner_and_size().1.as_dvec2().element_product())
+        .collect();
+    let pixels = areas.iter().sum::<f64>();
+    let largest = areas.iter().copied().fold(0.0, f64::max);
     let coefficients = (f64::from(options.sh_degree) + 1.0).powi(2);
     let per_triangle = PER_TRIANGLE + PER_NUMBER * (GEOMETRY + 3.0 * coefficients);
-    let (trained, frozen) = (block.max_triangles as f64, block.frozen as f64);
+    let trained = block.max_triangles as f64;
+    let frozen = block.frozen as f64;
     let photos = (4.0 * pixels).min(photo_bytes as f64);
     let bytes = IDLE_BYTES + photos + per_triangle * (trained + frozen) + PER_PIXEL * largest;
     let [constant, per_pixel, per_trained, per_frozen] = STEP_SECS;
@@ -244,7 +268,11 @@ impl<'a> Cutter<'a> {
         cameras: &'a [Camera],
     ) -> Result<Self> {
         let Scene::Soup(soup) = &scene.scene else {
-            return Err(Error::invalid("coarse scene", "a mesh", "a soup, as `trisplat train` writes it"));
+            return Err(Error::invalid(
+                "coarse scene",
+                "a mesh",
+                "a soup, as `trisplat train` writes it",
+            ));
         };
         let middles = middles(soup);
         let points = &planner.dataset.points;
@@ -272,7 +300,8 @@ impl<'a> Cutter<'a> {
         let drawing = self.planner.whole.drawing([0.0; 3]);
         let coverage = Coverage::new(self.soup, &self.middles, &owners, self.space, &drawing);
         assign(&mut blocks, self.views, &coverage, self.planner.options)?;
-        let (passes, core_triangles) = (self.passes(&blocks), self.core_triangles(&owners, &blocks));
+        let passes = self.passes(&blocks);
+        let core_triangles = self.core_triangles(&owners, &blocks);
         let mut shown = Vec::with_capacity(blocks.len());
         for (owner, mut block) in blocks.into_iter().enumerate() {
             // What no photo shows cannot be trained, and nobody misses it.
@@ -281,7 +310,8 @@ impl<'a> Cutter<'a> {
             }
             let visible = visible(&block, self.views, &coverage)?;
             let photos = block.photos.len() as f64 / self.views.len() as f64;
-            block.steps = ((passes * self.planner.whole.steps as f64 * photos).ceil() as u64).max(1);
+            block.steps =
+                ((passes * self.planner.whole.steps as f64 * photos).ceil() as u64).max(1);
             block.first_step =
                 Schedule::new(&TrainOptions { steps: block.steps, ..self.planner.whole.clone() })
                     .scaled(GOES_ON_AT)
@@ -303,8 +333,10 @@ impl<'a> Cutter<'a> {
     fn passes(&self, blocks: &[Block]) -> f64 {
         let pixels = |size: UVec2| size.as_dvec2().element_product();
         let whole: f64 = self.cameras.iter().map(|camera| pixels(camera.size)).sum();
-        let parts =
-            blocks.iter().flat_map(|block| &block.photos).map(|photo| pixels(photo.corner_and_size().1));
+        let parts = blocks
+            .iter()
+            .flat_map(|block| &block.photos)
+            .map(|photo| pixels(photo.corner_and_size().1));
         match self.planner.options.passes {
             0.0 => (PIXELS * whole / parts.sum::<f64>().max(1.0)).min(1.0),
             given => given,
@@ -349,12 +381,16 @@ impl<'a> Cutter<'a> {
         let (shell, trained): (Vec<usize>, Vec<usize>) =
             all.filter(|&i| is_trained(i)).partition(|&i| is_shell(i));
         let own = shell.len() + trained.len();
-        let around = trained.iter().filter(|&&i| !block.core.contains(self.middles[i])).count() as f64;
+        let around =
+            trained.iter().filter(|&&i| !block.core.contains(self.middles[i])).count() as f64;
         let per_coarse = self.planner.whole.max_triangles as f64 / self.soup.len() as f64;
-        block.max_triangles =
-            (block.core_triangles + (HALO_ROOM * per_coarse * around).ceil() as u64).max(own as u64);
-        (block.frozen, block.shell) = (frozen.len() as u64, shell.len() as u64);
-        block.expected = expected(block, self.planner.whole, self.planner.dataset_options.photo_bytes());
+        block.max_triangles = (block.core_triangles
+            + (HALO_ROOM * per_coarse * around).ceil() as u64)
+            .max(own as u64);
+        block.frozen = frozen.len() as u64;
+        block.shell = shell.len() as u64;
+        block.expected =
+            expected(block, self.planner.whole, self.planner.dataset_options.photo_bytes());
         check_memory(&format!("block {index}"), block.expected, max_bytes)?;
         let order: Vec<usize> = [frozen, shell, trained].concat();
         block.start = Some(self.write_start(index, &order, file)?);
@@ -363,7 +399,12 @@ impl<'a> Cutter<'a> {
 
     /// Writes triangles of the coarse scene, in this order, as the start of block `index`. Its name holds the hash of its bytes, so that
     /// it replaces nothing; `manifest` names it.
-    fn write_start(&self, index: usize, order: &[usize], manifest: &mut AtomicFile) -> Result<Source> {
+    fn write_start(
+        &self,
+        index: usize,
+        order: &[usize],
+        manifest: &mut AtomicFile,
+    ) -> Result<Source> {
         let begun = manifest.path().with_file_name(format!("start-{index:04}.ply"));
         let mut soup = self.soup.picked(order);
         // The plan says which of these are the block's part of it.
@@ -376,16 +417,26 @@ impl<'a> Cutter<'a> {
 /// `to` relative to `folder`, so that both can be mounted elsewhere together.
 fn relative(folder: &Path, to: &Path) -> Result<String> {
     let full = |path: &Path| std::fs::canonicalize(path).map_err(|e| Error::io(path, e));
-    let (from, to) = (full(folder)?, full(to)?);
-    let (a, b): (Vec<Component>, Vec<Component>) = (from.components().collect(), to.components().collect());
+    let from = full(folder)?;
+    let to = full(to)?;
+    let (a, b): (Vec<Component>, Vec<Component>) =
+        (from.components().collect(), to.components().collect());
     let common = a.iter().zip(&b).take_while(|(a, b)| a == b).count();
     let path: PathBuf = match common {
         0 => to,
-        _ => a[common..].iter().map(|_| Component::ParentDir).chain(b[common..].iter().copied()).collect(),
+        _ => a[common..]
+            .iter()
+            .map(|_| Component::ParentDir)
+            .chain(b[common..].iter().copied())
+            .collect(),
     };
     let path = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
     match path.to_str() {
         Some(text) => Ok(text.replace('\\', "/")),
-        None => Err(Error::invalid("DATASET", path.display(), "a path in UTF-8, because the plan names it")),
+        None => Err(Error::invalid(
+            "DATASET",
+            path.display(),
+            "a path in UTF-8, because the plan names it",
+        )),
     }
 }

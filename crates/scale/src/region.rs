@@ -29,22 +29,25 @@ impl Region {
     /// Whether a point is inside.
     pub(super) fn contains(&self, point: Vec3) -> bool {
         (0..3).all(|a| {
-            self.low[a].is_none_or(|low| point[a] >= low) && self.high[a].is_none_or(|high| point[a] < high)
+            self.low[a].is_none_or(|low| point[a] >= low)
+                && self.high[a].is_none_or(|high| point[a] < high)
         })
     }
 
     /// Whether the box around a triangle reaches into this one.
     pub(super) fn touches(&self, corners: &[Vec3; 3]) -> bool {
-        let (low, high) =
-            (corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2]));
+        let low = corners[0].min(corners[1]).min(corners[2]);
+        let high = corners[0].max(corners[1]).max(corners[2]);
         (0..3).all(|a| {
-            self.low[a].is_none_or(|side| high[a] >= side) && self.high[a].is_none_or(|side| low[a] < side)
+            self.low[a].is_none_or(|side| high[a] >= side)
+                && self.high[a].is_none_or(|side| low[a] < side)
         })
     }
 
     /// What is below `place` along an axis, and the rest.
     pub(super) fn cut(&self, axis: usize, place: f32) -> [Self; 2] {
-        let (mut lower, mut upper) = (*self, *self);
+        let mut lower = *self;
+        let mut upper = *self;
         lower.high[axis] = Some(place);
         upper.low[axis] = Some(place);
         [lower, upper]
@@ -83,8 +86,9 @@ pub(super) struct Surroundings {
 impl Surroundings {
     /// Of cameras at `positions`.
     pub(super) fn of(positions: &[Vec3]) -> Self {
-        let middle =
-            |a: usize| median(positions.iter().map(|p| p[a]).collect(), f32::total_cmp).unwrap_or(0.0);
+        let middle = |a: usize| {
+            median(positions.iter().map(|p| p[a]).collect(), f32::total_cmp).unwrap_or(0.0)
+        };
         let center = Vec3::new(middle(0), middle(1), middle(2));
         let reach = positions.iter().map(|p| (*p - center).abs().max_element()).fold(0.0, f32::max);
         Self { center, radius: if reach > 0.0 && reach.is_finite() { reach } else { 1.0 } }
@@ -105,7 +109,13 @@ pub(super) fn cut(points: &[Vec3], count: usize, around: &Surroundings) -> Vec<R
     boxes
 }
 
-fn cut_box(points: &mut [Vec3], region: Region, count: usize, around: &Surroundings, out: &mut Vec<Region>) {
+fn cut_box(
+    points: &mut [Vec3],
+    region: Region,
+    count: usize,
+    around: &Surroundings,
+    out: &mut Vec<Region>,
+) {
     if count <= 1 {
         out.push(region);
         return;
@@ -133,8 +143,8 @@ fn cut_place(points: &mut [Vec3], share: f64, around: &Surroundings) -> (usize, 
     let mut extent = |axis: usize| {
         points.sort_unstable_by(|a, b| a[axis].total_cmp(&b[axis]));
         let skipped = (points.len() as f32 * OUTLIERS) as usize;
-        let [low, high] =
-            [points[skipped], points[points.len() - 1 - skipped]].map(|p| around.contracted(p[axis], axis));
+        let [low, high] = [points[skipped], points[points.len() - 1 - skipped]]
+            .map(|p| around.contracted(p[axis], axis));
         high - low
     };
     let extents = [0, 1, 2].map(&mut extent);
@@ -152,7 +162,11 @@ mod tests {
     fn town(count: u64) -> Vec<Vec3> {
         let rng = Rng::new(3, "cuts", 0);
         let at = |i: u64| {
-            Vec3::new(100.0 * rng.uniform(3 * i), 4.0 * rng.uniform(3 * i + 1), 60.0 * rng.uniform(3 * i + 2))
+            Vec3::new(
+                100.0 * rng.uniform(3 * i),
+                4.0 * rng.uniform(3 * i + 1),
+                60.0 * rng.uniform(3 * i + 2),
+            )
         };
         (0..count).map(at).collect()
     }
@@ -192,6 +206,9 @@ mod tests {
     fn without_points_there_are_boxes_all_the_same() {
         let around = Surroundings::of(&[]);
         assert_eq!(cut(&[], 4, &around).len(), 4);
-        assert_eq!(cut(&[Vec3::ONE; 9], 3, &around).iter().filter(|b| b.contains(Vec3::ONE)).count(), 1);
+        assert_eq!(
+            cut(&[Vec3::ONE; 9], 3, &around).iter().filter(|b| b.contains(Vec3::ONE)).count(),
+            1
+        );
     }
 }

@@ -59,7 +59,8 @@ impl Task {
     ///
     /// Errors: photos or cameras that are not as they were planned.
     pub fn dataset(&self, moved: Option<&Path>) -> Result<(Dataset, Vec<Camera>)> {
-        let (plan, options) = (&self.manifest, &self.manifest.dataset_options);
+        let plan = &self.manifest;
+        let options = &self.manifest.dataset_options;
         let path = moved.map_or_else(|| plan.dataset_path(&self.folder), Path::to_owned);
         let photos: Vec<&PlannedPhoto> =
             self.block().photos.iter().map(|p| &plan.photos[p.photo as usize]).collect();
@@ -70,7 +71,8 @@ impl Task {
         for (now, planned) in planned_photos(&dataset, options)?.iter().zip(&photos) {
             if now != *planned {
                 let what = if now.hash == planned.hash { "its camera" } else { "its file" };
-                let reason = format!("{what} has changed since it was planned: restore it, or plan again");
+                let reason =
+                    format!("{what} has changed since it was planned: restore it, or plan again");
                 return Err(Error::malformed(&path, format!("photo `{}`", planned.name), reason));
             }
         }
@@ -93,7 +95,8 @@ impl Task {
     /// Errors: a file that is not as it was planned.
     fn start(&self) -> Result<Option<ImportedScene>> {
         let Some(start) = &self.block().start else { return Ok(None) };
-        let mut loaded = manifest::read(&self.folder, start, &self.manifest.dataset_options.limits)?;
+        let mut loaded =
+            manifest::read(&self.folder, start, &self.manifest.dataset_options.limits)?;
         if let Scene::Soup(soup) = &mut loaded.scene {
             let count = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
             let first = count(self.block().frozen);
@@ -125,12 +128,18 @@ impl Task {
             core: Some(self.block().training_core(&self.manifest.space())),
             frozen: usize::try_from(self.block().frozen).unwrap_or(usize::MAX),
         });
-        let run = TrainRun::new(dataset, &options).with_dataset_options(&self.manifest.dataset_options);
+        let run =
+            TrainRun::new(dataset, &options).with_dataset_options(&self.manifest.dataset_options);
         Ok((TrainRun { outputs, from, part, resume, ..run }, warning))
     }
 
     /// What the run leaves behind; 0 `checkpoint_every`: ten checkpoints on the way.
-    pub fn outputs(&self, checkpoint_every: u64, preview: Option<Preview>, max_cpu_secs: f64) -> RunOptions {
+    pub fn outputs(
+        &self,
+        checkpoint_every: u64,
+        preview: Option<Preview>,
+        max_cpu_secs: f64,
+    ) -> RunOptions {
         let steps = self.block().steps - self.block().first_step;
         let checkpoint_every =
             if checkpoint_every > 0 { checkpoint_every } else { steps.div_ceil(CHECKPOINTS) };

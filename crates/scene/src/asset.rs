@@ -118,9 +118,11 @@ impl Asset {
         let mut mesh = self.mesh.clone();
         let behind = mesh.split_off(faces);
         let provenance = |backdrop| Provenance { backdrop, ..self.provenance.clone() };
-        let chunks = self.chunks.iter().filter(|chunk| (chunk.first as usize) < faces).copied().collect();
+        let chunks =
+            self.chunks.iter().filter(|chunk| (chunk.first as usize) < faces).copied().collect();
         let collision = self.collision.clone();
-        let scene = Asset { mesh, chunks, provenance: provenance(0), collision, ..Asset::default() };
+        let scene =
+            Asset { mesh, chunks, provenance: provenance(0), collision, ..Asset::default() };
         let provenance = provenance(self.provenance.backdrop).without_views();
         let backdrop = Asset { provenance, ..Asset::from(behind) };
         Some((scene, backdrop))
@@ -172,7 +174,8 @@ pub enum UpAxis {
 }
 
 impl UpAxis {
-    const ALL: [UpAxis; 6] = [UpAxis::X, UpAxis::NegX, UpAxis::Y, UpAxis::NegY, UpAxis::Z, UpAxis::NegZ];
+    const ALL: [UpAxis; 6] =
+        [UpAxis::X, UpAxis::NegX, UpAxis::Y, UpAxis::NegY, UpAxis::Z, UpAxis::NegZ];
 
     /// The unit vector along this axis.
     pub fn vector(self) -> DVec3 {
@@ -191,7 +194,9 @@ impl UpAxis {
     /// The proper rotation (determinant +1) that takes this axis to +Y.
     pub fn to_y_up(self) -> DMat3 {
         let rows = |x: DVec3, y: DVec3, z: DVec3| DMat3::from_cols(x, y, z).transpose();
-        let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+        let x = DVec3::X;
+        let y = DVec3::Y;
+        let z = DVec3::Z;
         match self {
             UpAxis::Y => DMat3::IDENTITY,
             UpAxis::NegY => rows(x, -y, -z),
@@ -290,7 +295,11 @@ impl Placement {
             degrees => {
                 // Not the C library's sine, so that a page writes the bytes of the program.
                 let (sin, cos) = libm::sincos(degrees.to_radians());
-                let turn = DMat3::from_cols(DVec3::new(cos, 0.0, -sin), DVec3::Y, DVec3::new(sin, 0.0, cos));
+                let turn = DMat3::from_cols(
+                    DVec3::new(cos, 0.0, -sin),
+                    DVec3::Y,
+                    DVec3::new(sin, 0.0, cos),
+                );
                 turn * self.up.to_y_up()
             }
         }
@@ -303,7 +312,8 @@ impl Placement {
 
     /// [`Placement::to_file`] for many points: the matrix is computed once.
     pub fn transform(&self) -> impl Fn(Vec3) -> Vec3 + Sync + use<> {
-        let (matrix, center) = (self.rotation() * self.scale, DVec3::from(self.center));
+        let matrix = self.rotation() * self.scale;
+        let center = DVec3::from(self.center);
         move |world| (matrix * (world.as_dvec3() - center)).as_vec3()
     }
 
@@ -315,13 +325,21 @@ impl Placement {
     /// A viewpoint of the source's world, in the frame of the file. Its up direction is the file's up axis,
     /// unless it looks along that axis.
     pub fn viewpoint_to_file(&self, viewpoint: &Viewpoint) -> Viewpoint {
-        let (rotation, center) = (self.rotation(), DVec3::from(self.center));
+        let rotation = self.rotation();
+        let center = DVec3::from(self.center);
         let point = |p: [f64; 3]| rotation * self.scale * (DVec3::from(p) - center);
-        let (eye, target) = (point(viewpoint.eye), point(viewpoint.target));
+        let eye = point(viewpoint.eye);
+        let target = point(viewpoint.target);
         let level = (target - eye).normalize_or_zero().y.abs() < ALONG_UP;
         let up = if level { DVec3::Y } else { rotation * DVec3::from(viewpoint.up) };
         let radius = viewpoint.radius.map(|radius| radius * self.scale);
-        Viewpoint { eye: eye.to_array(), target: target.to_array(), up: up.to_array(), radius, ..*viewpoint }
+        Viewpoint {
+            eye: eye.to_array(),
+            target: target.to_array(),
+            up: up.to_array(),
+            radius,
+            ..*viewpoint
+        }
     }
 
     /// [`Placement::to_world`] without the last rounding, for worlds far from their origin.

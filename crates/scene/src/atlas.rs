@@ -64,7 +64,8 @@ pub struct PaintedFaces {
 impl Wrap {
     /// Coordinates of a face moved into [0, 1]; none if they show more than one tile.
     fn within(self, at: [f32; 3]) -> Option<[f32; 3]> {
-        let (low, high) = (at[0].min(at[1]).min(at[2]), at[0].max(at[1]).max(at[2]));
+        let low = at[0].min(at[1]).min(at[2]);
+        let high = at[0].max(at[1]).max(at[2]);
         let tile = match (low + ROUNDING).floor() {
             _ if low >= -ROUNDING && high <= 1.0 + ROUNDING => 0.0,
             _ if self == Self::Clamp && (low >= 1.0 || high <= 0.0) => 0.0,
@@ -81,7 +82,9 @@ impl Wrap {
         let size = i64::from(size);
         let texel = match self {
             Self::Clamp => at.clamp(0, size - 1),
-            Self::Mirror if at.rem_euclid(2 * size) >= size => 2 * size - 1 - at.rem_euclid(2 * size),
+            Self::Mirror if at.rem_euclid(2 * size) >= size => {
+                2 * size - 1 - at.rem_euclid(2 * size)
+            }
             Self::Repeat | Self::Mirror => at.rem_euclid(size),
         };
         texel as u32
@@ -194,8 +197,10 @@ impl Draft {
         let mut page = texture.clone();
         if is_tinted {
             self.tinted += texels;
-            let (picture, tint) = (texture.picture(), linear(tint));
-            let rgb = parallel::collect(picture.rgb.len(), 1 << 13, |i| product(picture.rgb[i], tint));
+            let picture = texture.picture();
+            let tint = linear(tint);
+            let rgb =
+                parallel::collect(picture.rgb.len(), 1 << 13, |i| product(picture.rgb[i], tint));
             page = Arc::new(Texture::new(RgbImage { size: picture.size, rgb, alpha: None }));
         }
         let number = self.pages.len() as u16;
@@ -205,7 +210,12 @@ impl Draft {
     }
 
     /// A face that the atlas shows. Faces with the same part of a picture in one tint have one patch.
-    fn add_patch(&mut self, of: Option<(&PaintedFaces, &Arc<Texture>)>, tints: Tints, mut uvs: [Vec2; 3]) {
+    fn add_patch(
+        &mut self,
+        of: Option<(&PaintedFaces, &Arc<Texture>)>,
+        tints: Tints,
+        mut uvs: [Vec2; 3],
+    ) {
         let mut picture = None;
         if let Some((part, texture)) = of {
             // The first tile is as good as any, and has the finest numbers.
@@ -219,7 +229,8 @@ impl Draft {
             uvs = uvs.map(|uv| uv - start);
             picture = Some((texture.clone(), part.wrap));
         }
-        let (low, high) = (uvs[0].min(uvs[1]).min(uvs[2]), uvs[0].max(uvs[1]).max(uvs[2]));
+        let low = uvs[0].min(uvs[1]).min(uvs[2]);
+        let high = uvs[0].max(uvs[1]).max(uvs[2]);
         let key = (
             of.map(|(part, _)| (part.image, part.wrap)),
             tints,
@@ -240,9 +251,12 @@ impl Draft {
         let mut notes = Vec::new();
         if self.unplaced > 0 {
             let faces = counted(self.unplaced, "textured triangle");
-            notes.push(format!("{faces} without texture coordinates have the colour of their material"));
+            notes.push(format!(
+                "{faces} without texture coordinates have the colour of their material"
+            ));
         }
-        let (mut placed, atlas) = (Vec::new(), self.pages.len() as u16);
+        let mut placed = Vec::new();
+        let atlas = self.pages.len() as u16;
         if !self.patches.is_empty() {
             let Some((frames, size, places)) = self.arranged() else {
                 let pieces = counted(self.patches.len() as u64, "piece");
@@ -266,11 +280,18 @@ impl Draft {
             }
         };
         let faces = parallel::collect(self.faces.len(), 1 << 13, of_face);
-        let page_of =
-            if self.pages.len() == 1 { Vec::new() } else { faces.iter().map(|face| face.0).collect() };
-        let texture =
-            FaceTexture { uvs: faces.iter().map(|face| face.1).collect(), pages: self.pages, page_of };
-        mesh.colors = Colors::Face(parallel::collect(mesh.face_count(), 1, |face| texture.mean(face)));
+        let page_of = if self.pages.len() == 1 {
+            Vec::new()
+        } else {
+            faces.iter().map(|face| face.0).collect()
+        };
+        let texture = FaceTexture {
+            uvs: faces.iter().map(|face| face.1).collect(),
+            pages: self.pages,
+            page_of,
+        };
+        mesh.colors =
+            Colors::Face(parallel::collect(mesh.face_count(), 1, |face| texture.mean(face)));
         mesh.texture = Some(texture);
         notes
     }
@@ -278,7 +299,8 @@ impl Draft {
     /// The texels of all patches, at the finest level that fits, the size of the atlas, and the place of each.
     fn arranged(&self) -> Option<(Vec<Frame>, UVec2, Vec<UVec2>)> {
         (0..=MOST_HALVINGS).find_map(|halvings| {
-            let frames: Vec<Frame> = self.patches.iter().map(|patch| patch.frame(halvings)).collect();
+            let frames: Vec<Frame> =
+                self.patches.iter().map(|patch| patch.frame(halvings)).collect();
             let sizes: Vec<UVec2> = frames.iter().map(|frame| frame.size).collect();
             packed(&sizes, LARGEST).map(|(size, places)| (frames, size, places))
         })
@@ -288,7 +310,8 @@ impl Draft {
     fn coarser(&self, frames: &[Frame]) -> Option<String> {
         let is_coarse = |face: &&(Place, [Vec2; 3])| match face.0 {
             Place::Patch(number) => {
-                self.patches[number as usize].picture.is_some() && frames[number as usize].level != Some(0)
+                self.patches[number as usize].picture.is_some()
+                    && frames[number as usize].level != Some(0)
             }
             Place::Page(_) => false,
         };
@@ -319,7 +342,8 @@ impl Patch {
                 size: size.as_uvec2().map(|side| side.next_multiple_of(STEP)),
             })
         };
-        let levels = self.picture.iter().flat_map(|(texture, _)| texture.levels().iter().enumerate());
+        let levels =
+            self.picture.iter().flat_map(|(texture, _)| texture.levels().iter().enumerate());
         let side = if halvings > 0 || self.is_even() { STEP } else { 2 * STEP };
         let plain = Frame { level: None, low: Vec2::ZERO, size: UVec2::splat(side) };
         levels.skip(halvings).find_map(at).unwrap_or(plain)
@@ -342,7 +366,8 @@ impl Patch {
         let corners = self.tints.map(linear);
         let Some(((texture, wrap), level)) = self.picture.as_ref().zip(frame.level) else {
             // The first and last texels continue the corners.
-            let at = ((at.as_vec2() - 1.0) / (frame.size.x as f32 - 3.0)).clamp(Vec2::ZERO, Vec2::ONE);
+            let at =
+                ((at.as_vec2() - 1.0) / (frame.size.x as f32 - 3.0)).clamp(Vec2::ZERO, Vec2::ONE);
             let tint = mixed(corners, [1.0 - at.x - at.y, at.x, at.y]);
             let mean = self.picture.iter().flat_map(|(texture, _)| texture.levels()).last();
             return product(mean.map_or([255; 3], |level| level.rgb[0]), tint);
@@ -365,7 +390,11 @@ impl Patch {
         let of = |from: Vec2, to: Vec2| (from - at).perp_dot(to - at) / area;
         let weights = [of(b, c), of(c, a), of(a, b)].map(|weight| weight.clamp(0.0, 1.0));
         let sum: f32 = weights.iter().sum();
-        if sum > 0.0 && sum.is_finite() { weights.map(|weight| weight / sum) } else { [1.0 / 3.0; 3] }
+        if sum > 0.0 && sum.is_finite() {
+            weights.map(|weight| weight / sum)
+        } else {
+            [1.0 / 3.0; 3]
+        }
     }
 }
 

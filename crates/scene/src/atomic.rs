@@ -152,7 +152,9 @@ pub fn publish(mut files: Vec<AtomicFile>) -> Result<Vec<u64>> {
     }
     drop(list);
     let folders: BTreeSet<&Path> = moves.iter().map(|one| folder_of(&one.target)).collect();
-    folders.into_iter().try_for_each(|folder| sync_folder(folder).map_err(|e| Error::io(folder, e)))?;
+    folders
+        .into_iter()
+        .try_for_each(|folder| sync_folder(folder).map_err(|e| Error::io(folder, e)))?;
     Ok(sizes)
 }
 
@@ -200,7 +202,9 @@ fn sync_folder(folder: &Path) -> io::Result<()> {
     let Some(open) = cfg!(unix).then(|| File::open(folder).ok()).flatten() else { return Ok(()) };
     match open.sync_all() {
         // Some file systems do not support this for folders.
-        Err(e) if !matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => Err(e),
+        Err(e) if !matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => {
+            Err(e)
+        }
         _ => Ok(()),
     }
 }
@@ -247,7 +251,9 @@ pub fn sweep_folder(folder: &Path, is_stale: impl Fn(&str) -> bool) {
         // Left-over files do no harm.
         let _ = match names::target_of_temporary(&name) {
             Some(target) if is_stale(target) => temporary::sweep(&entry.path()),
-            None if is_stale(&name) && names_its_bytes(&entry.path()) => std::fs::remove_file(entry.path()),
+            None if is_stale(&name) && names_its_bytes(&entry.path()) => {
+                std::fs::remove_file(entry.path())
+            }
             _ => Ok(()),
         };
     }
@@ -263,7 +269,8 @@ fn names_its_bytes(path: &Path) -> bool {
 /// Size of a file in bytes, and the hash of its bytes (XXH3).
 fn hash_of(path: &Path) -> io::Result<(u64, u64)> {
     let mut hash = Xxh3Default::new();
-    let bytes = io::copy(&mut BufReader::with_capacity(BUFFER_BYTES, File::open(path)?), &mut hash)?;
+    let bytes =
+        io::copy(&mut BufReader::with_capacity(BUFFER_BYTES, File::open(path)?), &mut hash)?;
     Ok((bytes, hash.digest()))
 }
 
@@ -326,7 +333,10 @@ mod tests {
         let path = folder.path().join("a.glb");
         let first = written(&path, "first");
         let second = AtomicFile::create(&path).unwrap_err().to_string();
-        assert!(second.contains("a.glb") && second.contains("another program is writing"), "{second}");
+        assert!(
+            second.contains("a.glb") && second.contains("another program is writing"),
+            "{second}"
+        );
         first.commit().unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"first");
     }
@@ -365,7 +375,8 @@ mod tests {
     #[test]
     fn symbolic_links_are_followed() {
         let folder = tempfile::tempdir().unwrap();
-        let (link, inner) = (folder.path().join("link.glb"), folder.path().join("inner"));
+        let link = folder.path().join("link.glb");
+        let inner = folder.path().join("inner");
         std::fs::create_dir(&inner).unwrap();
         std::os::unix::fs::symlink("inner/real.glb", &link).unwrap();
         for text in ["new", "replaced"] {
@@ -420,7 +431,8 @@ mod tests {
     #[test]
     fn only_files_that_are_named_after_their_bytes_are_swept() {
         let folder = tempfile::tempdir().unwrap();
-        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        let write =
+            |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
         let ours = format!("start-0000-{:016x}.ply", xxhash_rust::xxh3::xxh3_64(b"ours"));
         let changed = format!("start-0001-{:016x}.ply", xxhash_rust::xxh3::xxh3_64(b"ours"));
         write(&ours, "ours");
@@ -436,7 +448,8 @@ mod tests {
     fn a_file_has_the_permissions_of_any_output() {
         use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().unwrap();
-        let mode = |name: &str| std::fs::metadata(folder.path().join(name)).unwrap().permissions().mode();
+        let mode =
+            |name: &str| std::fs::metadata(folder.path().join(name)).unwrap().permissions().mode();
         written(&folder.path().join("a"), "").commit().unwrap();
         std::fs::write(folder.path().join("plain"), b"").unwrap();
         assert_eq!(mode("a"), mode("plain"));

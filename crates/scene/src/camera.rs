@@ -22,8 +22,7 @@ pub struct Camera {
 }
 
 /// The ranges of a lens, for messages: what is beyond them draws nothing, or one point.
-pub const LENS: &str =
-    "focal lengths of 0.001 to 100,000 times the longer side and a centre within 10,000 times it, px";
+pub const LENS: &str = "focal lengths of 0.001 to 100,000 times the longer side and a centre within 10,000 times it, px";
 
 impl Camera {
     /// A camera at `eye` that looks at `target`, with `up` upwards in its picture; `fov_y` is the vertical field of view, radians.
@@ -34,13 +33,15 @@ impl Camera {
     /// The camera of a view matrix as of glTF and OpenGL, with +y up and -z forward; `fov_y` in radians.
     pub fn from_view(view: Mat4, fov_y: f32, size: impl Into<UVec2>) -> Self {
         let turn = Mat3::from_diagonal(Vec3::new(1.0, -1.0, -1.0));
-        let (rotation, translation) = (turn * Mat3::from_mat4(view), turn * view.w_axis.truncate());
+        let rotation = turn * Mat3::from_mat4(view);
+        let translation = turn * view.w_axis.truncate();
         Self { rotation, translation, ..Self::at_origin(fov_y, size.into()) }
     }
 
     fn at_origin(fov_y: f32, size: UVec2) -> Self {
         let focal = Vec2::splat(size.y as f32 / (2.0 * (fov_y / 2.0).tan()));
-        let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
+        let rotation = Mat3::IDENTITY;
+        let translation = Vec3::ZERO;
         Self { rotation, translation, focal, center: size.as_vec2() / 2.0, size }
     }
 
@@ -59,7 +60,8 @@ impl Camera {
     pub fn shows(&self, point: Vec3) -> Option<(Vec2, f32)> {
         let seen = self.rotation * point + self.translation;
         let at = seen.truncate() / seen.z * self.focal + self.center;
-        let within = seen.z > 0.0 && at.cmpge(Vec2::ZERO).all() && at.cmplt(self.size.as_vec2()).all();
+        let within =
+            seen.z > 0.0 && at.cmpge(Vec2::ZERO).all() && at.cmplt(self.size.as_vec2()).all();
         within.then_some((at, seen.z))
     }
 
@@ -84,7 +86,8 @@ impl Camera {
     /// The same camera moved to `eye`, with `target` in the middle of its view and `up` upwards in it.
     pub fn looking(&self, eye: Vec3, target: Vec3, up: Vec3) -> Self {
         let forward = (target - eye).normalize_or(Vec3::Z);
-        let right = forward.cross(up).try_normalize().unwrap_or_else(|| forward.any_orthonormal_vector());
+        let right =
+            forward.cross(up).try_normalize().unwrap_or_else(|| forward.any_orthonormal_vector());
         let rotation = Mat3::from_cols(right, forward.cross(right), forward).transpose();
         Self { rotation, translation: -(rotation * eye), ..*self }
     }
@@ -105,7 +108,11 @@ impl Camera {
             && self.focal.is_finite()
             && self.center.is_finite();
         if !finite || !Self::is_lens(self.focal.as_dvec2(), self.center.as_dvec2(), self.size) {
-            return Err(Error::invalid("camera", format!("{self:?}"), format!("finite numbers, {LENS}")));
+            return Err(Error::invalid(
+                "camera",
+                format!("{self:?}"),
+                format!("finite numbers, {LENS}"),
+            ));
         }
         limits.camera("camera", self.size)
     }
@@ -116,7 +123,8 @@ impl Camera {
 pub fn focus<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Option<Vec3> {
     let count = cameras.clone().count() as f32;
     let middle = cameras.clone().map(Camera::position).sum::<Vec3>() / count;
-    let (mut normal, mut target) = (Mat3::ZERO, Vec3::ZERO);
+    let mut normal = Mat3::ZERO;
+    let mut target = Vec3::ZERO;
     for camera in cameras.clone() {
         let axis = camera.rotation.row(2);
         let across = Mat3::IDENTITY - Mat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
@@ -168,7 +176,8 @@ impl OrbitRange {
     /// Whether its numbers are angles, the lower one first, and the eye is within.
     fn is_possible(&self) -> bool {
         let [low, high] = self.elevation;
-        let turns = |[low, high]: [f64; 2]| (-360.0..=0.0).contains(&low) && (0.0..=360.0).contains(&high);
+        let turns =
+            |[low, high]: [f64; 2]| (-360.0..=0.0).contains(&low) && (0.0..=360.0).contains(&high);
         -90.0 <= low && low <= high && high <= 90.0 && self.turn.is_none_or(turns)
     }
 }
@@ -186,7 +195,8 @@ impl Viewpoint {
     pub fn is_possible(&self) -> bool {
         let fits = |v: [f64; 3]| DVec3::from(v).as_vec3().is_finite();
         let placed = [self.eye, self.target, self.up].into_iter().all(fits);
-        let (distance, angle) = (self.distance(), self.fov.to_radians() as f32);
+        let distance = self.distance();
+        let angle = self.fov.to_radians() as f32;
         let opens = angle > 0.0 && self.fov < 180.0 && distance > 0.0 && distance.is_finite();
         let bounded = self.orbit.is_none_or(|orbit| orbit.is_possible());
         placed && opens && bounded && self.camera(UVec2::ONE).rotation.is_finite()
@@ -196,7 +206,8 @@ impl Viewpoint {
     /// from above. `None` for an eye right above the target.
     pub fn direction(&self, offset: DVec3) -> Option<[f64; 2]> {
         let up = DVec3::from(self.up);
-        let start = (DVec3::from(self.eye) - DVec3::from(self.target)).reject_from(up).try_normalize()?;
+        let start =
+            (DVec3::from(self.eye) - DVec3::from(self.target)).reject_from(up).try_normalize()?;
         let turn = libm::atan2(offset.dot(up.cross(start)), offset.dot(start));
         let elevation = libm::asin(offset.try_normalize()?.dot(up).clamp(-1.0, 1.0));
         (turn.is_finite() && elevation.is_finite()).then_some([turn, elevation])
@@ -222,7 +233,8 @@ mod tests {
 
     #[test]
     fn a_camera_looks_at_its_target_with_up_upwards() {
-        let (eye, target) = (Vec3::new(3.0, -2.0, 1.0), Vec3::new(0.5, 0.25, -1.0));
+        let eye = Vec3::new(3.0, -2.0, 1.0);
+        let target = Vec3::new(0.5, 0.25, -1.0);
         let camera = CAMERA.looking(eye, target, Vec3::NEG_Y);
         assert!((camera.position() - eye).length() < 1e-5);
         assert!((camera.rotation.determinant() - 1.0).abs() < 1e-5);
@@ -237,10 +249,14 @@ mod tests {
 
     #[test]
     fn a_view_matrix_gives_the_camera_that_looks_so() {
-        let (eye, target) = (Vec3::new(3.0, -2.0, 1.0), Vec3::new(0.5, 0.25, -1.0));
+        let eye = Vec3::new(3.0, -2.0, 1.0);
+        let target = Vec3::new(0.5, 0.25, -1.0);
         let looking = Camera::look_at(eye, target, Vec3::Y, 1.0, [64, 48]);
-        let viewing =
-            Camera::from_view(glam::camera::rh::view::look_at_mat4(eye, target, Vec3::Y), 1.0, [64, 48]);
+        let viewing = Camera::from_view(
+            glam::camera::rh::view::look_at_mat4(eye, target, Vec3::Y),
+            1.0,
+            [64, 48],
+        );
         assert!(looking.rotation.abs_diff_eq(viewing.rotation, 1e-5));
         assert!(looking.translation.abs_diff_eq(viewing.translation, 1e-5));
         assert_eq!((looking.focal, looking.size), (viewing.focal, UVec2::new(64, 48)));
@@ -254,7 +270,9 @@ mod tests {
             let message = camera.validate(&Limits::DEFAULT).unwrap_err().to_string();
             assert!(message.starts_with("camera: ") && message.contains("`limit` "), "{message}");
         }
-        assert!(Camera { size: UVec2::new(9504, 6336), ..CAMERA }.validate(&Limits::DEFAULT).is_ok());
+        assert!(
+            Camera { size: UVec2::new(9504, 6336), ..CAMERA }.validate(&Limits::DEFAULT).is_ok()
+        );
     }
 
     #[test]

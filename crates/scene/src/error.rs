@@ -68,7 +68,9 @@ pub enum Error {
         what: String,
     },
     /// A file exceeds a limit: see [`Limits`](crate::limits::Limits).
-    #[error("{place}: {value} {what}, the limit is {limit}; if that is right, give `limit` {key}={value}")]
+    #[error(
+        "{place}: {value} {what}, the limit is {limit}; if that is right, give `limit` {key}={value}"
+    )]
     Limit {
         /// The file, and the place in it.
         place: String,
@@ -82,7 +84,9 @@ pub enum Error {
         limit: u64,
     },
     /// There is not enough memory for a large array.
-    #[error("{place}: there is no memory for {bytes} bytes; end other programs, or give a smaller file")]
+    #[error(
+        "{place}: there is no memory for {bytes} bytes; end other programs, or give a smaller file"
+    )]
     Memory {
         /// The file, and the part of it.
         place: String,
@@ -128,8 +132,13 @@ impl Error {
     }
 
     /// A broken file: `at` is the place, `reason` the fault.
-    pub fn malformed(path: impl AsRef<Path>, at: impl Into<String>, reason: impl Into<String>) -> Self {
-        let (at, reason) = (in_message(at.into()), in_message(reason.into()));
+    pub fn malformed(
+        path: impl AsRef<Path>,
+        at: impl Into<String>,
+        reason: impl Into<String>,
+    ) -> Self {
+        let at = in_message(at.into());
+        let reason = in_message(reason.into());
         Self::Malformed { path: path.as_ref().to_owned(), at, reason }
     }
 
@@ -141,7 +150,9 @@ impl Error {
     /// The same error about `path`, for a file that was made of that one.
     pub fn about(mut self, file: &Path) -> Self {
         match &mut self {
-            Self::Io { path, .. } | Self::Malformed { path, .. } | Self::Unsupported { path, .. } => {
+            Self::Io { path, .. }
+            | Self::Malformed { path, .. }
+            | Self::Unsupported { path, .. } => {
                 *path = file.to_owned();
             }
             Self::Limit { place, .. } => *place = file.display().to_string(),
@@ -151,8 +162,13 @@ impl Error {
     }
 
     /// An unusable value of `option`.
-    pub fn invalid(option: impl Into<String>, value: impl ToString, wants: impl Into<String>) -> Self {
-        let (value, wants) = (in_message(value.to_string()), in_message(wants.into()));
+    pub fn invalid(
+        option: impl Into<String>,
+        value: impl ToString,
+        wants: impl Into<String>,
+    ) -> Self {
+        let value = in_message(value.to_string());
+        let wants = in_message(wants.into());
         Self::Invalid { option: option.into(), value, wants }
     }
 }
@@ -203,12 +219,21 @@ mod tests {
     fn what_a_file_says_takes_little_space_in_a_message() {
         assert_eq!(excerpt("abc"), "abc");
         let long = "ü".repeat(10_000);
-        assert_eq!((excerpt(&long).chars().count(), excerpt(&long).matches('…').count()), (MAX_EXCERPT, 1));
+        assert_eq!(
+            (excerpt(&long).chars().count(), excerpt(&long).matches('…').count()),
+            (MAX_EXCERPT, 1)
+        );
         for text in [long, "a word ".repeat(10_000)] {
-            let said =
-                Error::malformed("a.json", &text, format!("expected a number, not {text:?}, at line 1"));
+            let said = Error::malformed(
+                "a.json",
+                &text,
+                format!("expected a number, not {text:?}, at line 1"),
+            );
             let said = said.to_string();
-            assert!(said.chars().count() < 2 * MAX_MESSAGE + 20 && said.ends_with("at line 1"), "{said}");
+            assert!(
+                said.chars().count() < 2 * MAX_MESSAGE + 20 && said.ends_with("at line 1"),
+                "{said}"
+            );
         }
         let path = "/folder".repeat(60);
         assert!(Error::invalid("output", &path, "another").to_string().contains(&path));

@@ -43,7 +43,8 @@ impl Floaters {
     pub fn warning(&self, splats: &Splats) -> Option<String> {
         let count = self.count();
         let floating = (0..splats.len()).filter(|i| self.is_floater[*i]);
-        let farthest = floating.map(|i| splats.positions[i].distance(self.center)).fold(0.0, f32::max);
+        let farthest =
+            floating.map(|i| splats.positions[i].distance(self.center)).fold(0.0, f32::max);
         (count > 0).then(|| {
             format!(
                 "{count} of {} splats float alone, up to {:.3} from the middle of a scene with a radius of {:.3}: they are left out",
@@ -88,8 +89,9 @@ impl Group {
 impl Splats {
     /// Tells the scene from what floats around it.
     pub fn floaters(&self) -> Floaters {
-        let visible: Vec<usize> =
-            (0..self.len()).filter(|i| self.opacity[*i] >= MIN_OPACITY && self.is_placed(*i)).collect();
+        let visible: Vec<usize> = (0..self.len())
+            .filter(|i| self.opacity[*i] >= MIN_OPACITY && self.is_placed(*i))
+            .collect();
         let Some(scene) = ball(self.groups(&visible)) else {
             return Floaters { is_floater: vec![false; self.len()], ..Floaters::default() };
         };
@@ -116,7 +118,8 @@ impl Splats {
             links
         });
         // In a file with small Gaussians, as of a cloud of points, most are as far apart as some of their neighbours.
-        let widest = links.iter().map(|links| links[NEIGHBOURS - 1].0).filter(|apart| apart.is_finite());
+        let widest =
+            links.iter().map(|links| links[NEIGHBOURS - 1].0).filter(|apart| apart.is_finite());
         let touching = median(widest.collect(), f32::total_cmp).unwrap_or(1.0).max(1.0);
         let mut sets = Sets::new(visible.len());
         for (i, links) in (0..).zip(&links) {
@@ -124,7 +127,8 @@ impl Splats {
                 sets.join(i, *j);
             }
         }
-        let mut members: Vec<(u32, usize)> = (0..).zip(visible).map(|(k, i)| (sets.first(k), *i)).collect();
+        let mut members: Vec<(u32, usize)> =
+            (0..).zip(visible).map(|(k, i)| (sets.first(k), *i)).collect();
         members.sort_unstable();
         let groups = members.chunk_by(|a, b| a.0 == b.0);
         let mut groups: Vec<Group> = groups.filter_map(|group| self.group(group)).collect();
@@ -144,9 +148,9 @@ impl Splats {
     fn group(&self, members: &[(u32, usize)]) -> Option<Group> {
         let [low, high] = bounds(members.iter().map(|(_, i)| self.positions[*i]))?;
         let center = low.midpoint(high);
-        let ends = members
-            .iter()
-            .map(|(_, i)| self.positions[*i].distance(center) + REACH * self.scales[*i].max_element());
+        let ends = members.iter().map(|(_, i)| {
+            self.positions[*i].distance(center) + REACH * self.scales[*i].max_element()
+        });
         let opacity = members.iter().map(|(_, i)| f64::from(self.opacity[*i])).sum();
         Some(Group { opacity, center, radius: ends.fold(0.0, f32::max) })
     }

@@ -92,7 +92,8 @@ impl RgbImage {
         let UVec2 { x: width, y: height } = self.size;
         let size = if orientation >= 5 { UVec2::new(height, width) } else { self.size };
         let source = |i: u32| {
-            let (x, y) = (i % size.x, i / size.x);
+            let x = i % size.x;
+            let y = i / size.x;
             let (x, y) = match orientation {
                 2 => (width - 1 - x, y),
                 3 => (width - 1 - x, height - 1 - y),
@@ -170,7 +171,8 @@ impl RgbImage {
         if let Some(alpha) = self.alpha.take() {
             for (pixel, &a) in self.rgb.iter_mut().zip(&alpha) {
                 for (c, &under) in pixel.iter_mut().zip(&background) {
-                    let sum = u32::from(*c) * u32::from(a) + u32::from(under) * (255 - u32::from(a));
+                    let sum =
+                        u32::from(*c) * u32::from(a) + u32::from(under) * (255 - u32::from(a));
                     *c = ((sum + 127) / 255) as u8;
                 }
             }
@@ -204,8 +206,10 @@ impl RgbImage {
     pub fn part(&self, corner: UVec2, size: UVec2) -> Self {
         let rows = (corner.y..corner.y + size.y).map(|y| (y * self.size.x + corner.x) as usize);
         let rows = rows.map(|from| from..from + size.x as usize);
-        let alpha =
-            self.alpha.as_ref().map(|a| rows.clone().flat_map(|row| a[row].iter().copied()).collect());
+        let alpha = self
+            .alpha
+            .as_ref()
+            .map(|a| rows.clone().flat_map(|row| a[row].iter().copied()).collect());
         Self { size, rgb: rows.flat_map(|row| self.rgb[row].iter().copied()).collect(), alpha }
     }
 
@@ -232,7 +236,8 @@ impl RgbImage {
     pub fn to_png(&self) -> Result<Vec<u8>> {
         use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
         let mut bytes = Cursor::new(Vec::new());
-        let (width, height) = (self.size.x, self.size.y);
+        let width = self.size.x;
+        let height = self.size.y;
         let encoder = PngEncoder::new(&mut bytes);
         let written = match &self.alpha {
             None => {
@@ -245,7 +250,8 @@ impl RgbImage {
                 encoder.write_image(&rgba, width, height, ExtendedColorType::Rgba8)
             }
         };
-        written.map_err(|e| Error::invalid("picture", format!("{width}x{height}"), e.to_string()))?;
+        written
+            .map_err(|e| Error::invalid("picture", format!("{width}x{height}"), e.to_string()))?;
         Ok(bytes.into_inner())
     }
 
@@ -321,8 +327,11 @@ mod tests {
     fn a_picture_is_turned_as_exif_says() {
         // 1 2 3
         // 4 5 6
-        let picture =
-            RgbImage { size: UVec2::new(3, 2), rgb: (1..=6).map(|c| [c, 0, 0]).collect(), alpha: None };
+        let picture = RgbImage {
+            size: UVec2::new(3, 2),
+            rgb: (1..=6).map(|c| [c, 0, 0]).collect(),
+            alpha: None,
+        };
         for (orientation, rows) in [
             (1, [[1, 2, 3], [4, 5, 6]].concat()),
             (2, [[3, 2, 1], [6, 5, 4]].concat()),
@@ -342,8 +351,11 @@ mod tests {
 
     #[test]
     fn alpha_blends_with_the_background() {
-        let picture =
-            RgbImage { size: UVec2::new(3, 1), rgb: vec![[200; 3]; 3], alpha: Some(vec![255, 0, 51]) };
+        let picture = RgbImage {
+            size: UVec2::new(3, 1),
+            rgb: vec![[200; 3]; 3],
+            alpha: Some(vec![255, 0, 51]),
+        };
         let flat = picture.over([100, 0, 255]);
         assert_eq!(flat.rgb, [[200, 200, 200], [100, 0, 255], [120, 40, 244]]);
         assert_eq!(flat.alpha, None);
@@ -360,6 +372,10 @@ mod tests {
         picture.alpha = Some((0..45).collect());
         picture.save_png(&path).unwrap();
         assert_eq!(RgbImage::load(&path).unwrap(), picture);
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays behind");
+        assert_eq!(
+            std::fs::read_dir(folder.path()).unwrap().count(),
+            1,
+            "no temporary file stays behind"
+        );
     }
 }

@@ -39,7 +39,8 @@ pub fn open(path: &Path, limits: &Limits) -> Result<(File, u64)> {
 pub fn spool(path: &Path, from: &mut dyn Read, limits: &Limits) -> Result<(File, u64)> {
     let mut file = tempfile::tempfile().map_err(Error::temporary)?;
     let most = limits.file_bytes.saturating_add(1);
-    let len = copy_stream(&mut from.take(most), &mut file, |e| Error::io(path, e), Error::temporary)?;
+    let len =
+        copy_stream(&mut from.take(most), &mut file, |e| Error::io(path, e), Error::temporary)?;
     limits.file(path, len)?;
     file.seek(SeekFrom::Start(0)).map_err(Error::temporary)?;
     Ok((file, len))
@@ -47,7 +48,8 @@ pub fn spool(path: &Path, from: &mut dyn Read, limits: &Limits) -> Result<(File,
 
 /// Copies a file. An error names the file that could not be read or written.
 pub fn copy(from: &Path, to: &Path) -> Result<()> {
-    let (unread, unwritten) = (|e| Error::io(from, e), |e| Error::io(to, e));
+    let unread = |e| Error::io(from, e);
+    let unwritten = |e| Error::io(to, e);
     let mut source = File::open(from).map_err(unread)?;
     let mut target = File::create(to).map_err(unwritten)?;
     copy_stream(&mut source, &mut target, unread, unwritten).map(drop)
@@ -60,7 +62,8 @@ pub fn copy_stream(
     unread: impl Fn(std::io::Error) -> Error,
     unwritten: impl Fn(std::io::Error) -> Error,
 ) -> Result<u64> {
-    let (mut buffer, mut len) = (vec![0; BLOCK], 0);
+    let mut buffer = vec![0; BLOCK];
+    let mut len = 0;
     loop {
         let count = match from.read(&mut buffer) {
             Err(e) if e.kind() == ErrorKind::Interrupted => continue,
@@ -139,12 +142,18 @@ pub fn leaves_folder(relative: &Path) -> bool {
 /// The paths in `folder`, none if it cannot be listed; the empty path is the working folder.
 pub fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
     let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    std::fs::read_dir(here).into_iter().flatten().flatten().map(|entry| folder.join(entry.file_name()))
+    std::fs::read_dir(here)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|entry| folder.join(entry.file_name()))
 }
 
 /// All files below `folder`, also through links; each folder once. What cannot be listed is left out.
 pub fn files_below(folder: &Path) -> Vec<PathBuf> {
-    let (mut files, mut seen, mut folders) = (Vec::new(), HashSet::new(), vec![folder.to_owned()]);
+    let mut files = Vec::new();
+    let mut seen = HashSet::new();
+    let mut folders = vec![folder.to_owned()];
     while let Some(folder) = folders.pop() {
         // Links may lead in a circle.
         let is_new = std::fs::canonicalize(&folder).is_ok_and(|full| seen.insert(full));
@@ -163,7 +172,8 @@ fn check_regular(path: &Path, meta: &Metadata) -> Result<()> {
         return Err(Error::unsupported(path, "is a folder; give a file"));
     }
     // Such a file looks empty, and its reader may wait for ever.
-    let made = meta.len() == 0 && std::fs::canonicalize(path).is_ok_and(|full| full.starts_with("/proc"));
+    let made =
+        meta.len() == 0 && std::fs::canonicalize(path).is_ok_and(|full| full.starts_with("/proc"));
     if !meta.is_file() || made {
         let reason = "is a device or a pipe; give a file, or - where standard input may be given";
         return Err(Error::unsupported(path, reason));
@@ -175,8 +185,9 @@ fn check_regular(path: &Path, meta: &Metadata) -> Result<()> {
 #[cfg(unix)]
 fn is_handed_over(path: &Path, meta: &Metadata) -> bool {
     use std::os::unix::fs::FileTypeExt;
-    let named =
-        path.starts_with("/dev/fd") || path.starts_with("/proc/self/fd") || path == Path::new("/dev/stdin");
+    let named = path.starts_with("/dev/fd")
+        || path.starts_with("/proc/self/fd")
+        || path == Path::new("/dev/stdin");
     named && (meta.file_type().is_fifo() || meta.file_type().is_socket())
 }
 
@@ -205,7 +216,8 @@ pub fn guarded<T>(path: &Path, decode: impl FnOnce() -> Result<T>) -> Result<T> 
 
 /// The error for a file whose decoder panicked with this message.
 pub fn failed(path: &Path, message: &str) -> Error {
-    let reason = format!("is damaged in a way that its decoder fails on ({message}); copy it again");
+    let reason =
+        format!("is damaged in a way that its decoder fails on ({message}); copy it again");
     Error::malformed(path, "content", reason)
 }
 
@@ -253,18 +265,26 @@ mod tests {
         std::fs::write(&path, "0123456789").unwrap();
         let message = |limits: Limits| read(&path, &limits).unwrap_err().to_string();
         assert!(message(Limits { file_bytes: 9, ..Limits::DEFAULT }).contains("file_bytes=10"));
-        assert!(message(Limits { document_bytes: 9, ..Limits::DEFAULT }).contains("document_bytes=10"));
-        assert_eq!(read(&path, &Limits { document_bytes: 10, ..Limits::DEFAULT }).unwrap().len(), 10);
+        assert!(
+            message(Limits { document_bytes: 9, ..Limits::DEFAULT }).contains("document_bytes=10")
+        );
+        assert_eq!(
+            read(&path, &Limits { document_bytes: 10, ..Limits::DEFAULT }).unwrap().len(),
+            10
+        );
         let limits = Limits { file_bytes: 3, ..Limits::DEFAULT };
         assert!(spool(&path, &mut std::io::repeat(0), &limits).is_err(), "a stream without end");
-        assert!(open(folder.path(), &Limits::DEFAULT).unwrap_err().to_string().contains("is a folder"));
+        assert!(
+            open(folder.path(), &Limits::DEFAULT).unwrap_err().to_string().contains("is a folder")
+        );
     }
 
     #[cfg(target_os = "linux")]
     #[test]
     fn an_error_of_a_copy_names_the_file_that_is_at_fault() {
         let folder = tempfile::tempdir().unwrap();
-        let (from, to) = (folder.path().join("a.jpg"), folder.path().join("b.jpg"));
+        let from = folder.path().join("a.jpg");
+        let to = folder.path().join("b.jpg");
         std::fs::write(&from, vec![7; 3 * BLOCK + 1]).unwrap();
         copy(&from, &to).unwrap();
         assert!(std::fs::read(&from).unwrap() == std::fs::read(&to).unwrap());
@@ -286,7 +306,11 @@ mod tests {
         }
         let folder = tempfile::tempdir().unwrap();
         let fifo = folder.path().join("fifo");
-        if std::process::Command::new("mkfifo").arg(&fifo).status().is_ok_and(|status| status.success()) {
+        if std::process::Command::new("mkfifo")
+            .arg(&fifo)
+            .status()
+            .is_ok_and(|status| status.success())
+        {
             assert!(open(&fifo, &Limits::DEFAULT).unwrap_err().to_string().contains("a pipe"));
         }
         let (reader, mut writer) = std::io::pipe().unwrap();
@@ -310,11 +334,15 @@ mod guard_tests {
             (&|| panic!("unexpected chunk"), "unexpected chunk"),
         ] {
             let message = guarded(path, decode).unwrap_err().to_string();
-            assert!(message.starts_with("photo.png: content: ") && message.contains(wants), "{message}");
+            assert!(
+                message.starts_with("photo.png: content: ") && message.contains(wants),
+                "{message}"
+            );
             assert!(!is_guarded());
         }
         assert!(guarded(path, || Ok(is_guarded())).unwrap());
-        let refused = guarded(path, || Err::<(), _>(Error::malformed(path, "byte 3", "is 7"))).unwrap_err();
+        let refused =
+            guarded(path, || Err::<(), _>(Error::malformed(path, "byte 3", "is 7"))).unwrap_err();
         assert_eq!(refused.to_string(), "photo.png: byte 3: is 7");
     }
 }

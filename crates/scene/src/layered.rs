@@ -61,8 +61,12 @@ pub struct Layered<T> {
 impl<T> Layered<T> {
     /// The layer of the option `key`, groups joined by dots: `refine.every`.
     pub fn origin(&self, key: &str) -> Origin {
-        let names = |layer: &Value| key.split('.').try_fold(layer, |level, part| level.get(part)).is_some();
-        self.layers.iter().find(|(_, layer)| names(layer)).map_or(Origin::Preset, |(origin, _)| *origin)
+        let names =
+            |layer: &Value| key.split('.').try_fold(layer, |level, part| level.get(part)).is_some();
+        self.layers
+            .iter()
+            .find(|(_, layer)| names(layer))
+            .map_or(Origin::Preset, |(origin, _)| *origin)
     }
 
     /// Whether any layer above the preset has the option `key`.
@@ -131,7 +135,10 @@ impl<T: Serialize + DeserializeOwned> Layers<T> {
     /// The options over those of the preset. The last layer that names a preset decides it.
     ///
     /// Errors: an unknown setting or option; a value of another type.
-    pub fn resolve<P: DeserializeOwned + Default>(self, options_of: impl Fn(P) -> T) -> Result<Layered<T>> {
+    pub fn resolve<P: DeserializeOwned + Default>(
+        self,
+        options_of: impl Fn(P) -> T,
+    ) -> Result<Layered<T>> {
         let json = |options: &T| serde_json::to_value(options).map_err(unrepresentable);
         let known = json(&options_of(P::default()))?;
         let settings = settings::<T>(&known, &self.sets)?;
@@ -143,10 +150,13 @@ impl<T: Serialize + DeserializeOwned> Layers<T> {
             serde_json::from_value::<T>(tried).map_err(|e| refused(name, value, &e))?;
             overlay(&mut given, &nested);
         }
-        let layers = [(Origin::Given, given), (Origin::Setting, settings), (Origin::File, self.file)];
+        let layers =
+            [(Origin::Given, given), (Origin::Setting, settings), (Origin::File, self.file)];
         let preset = layers.iter().find_map(|(_, layer)| layer.get(PRESET_KEY));
         let preset = match preset {
-            Some(name) => serde_json::from_value(name.clone()).map_err(|e| refused(PRESET_KEY, name, &e))?,
+            Some(name) => {
+                serde_json::from_value(name.clone()).map_err(|e| refused(PRESET_KEY, name, &e))?
+            }
             None => P::default(),
         };
         let mut value = json(&options_of(preset))?;
@@ -230,7 +240,8 @@ fn expected(error: &str) -> String {
 
 /// "one of a, b, c": the keys of a group.
 fn names(group: &Value) -> String {
-    let keys: Vec<&str> = group.as_object().into_iter().flatten().map(|(key, _)| key.as_str()).collect();
+    let keys: Vec<&str> =
+        group.as_object().into_iter().flatten().map(|(key, _)| key.as_str()).collect();
     format!("one of {}", keys.join(", "))
 }
 
@@ -273,7 +284,8 @@ fn without_schema(text: &str) -> String {
     };
     let is_json = serde_json::from_str::<IgnoredAny>(text).is_ok();
     let found = text.find(SCHEMA_KEY).filter(|key| is_json && is_own(key));
-    let Some((key, value)) = found.and_then(|key| Some((key, key + text[key..].find(':')? + 1))) else {
+    let Some((key, value)) = found.and_then(|key| Some((key, key + text[key..].find(':')? + 1)))
+    else {
         return text.to_owned();
     };
     let mut values = serde_json::Deserializer::from_str(&text[value..]).into_iter::<IgnoredAny>();
@@ -286,7 +298,8 @@ fn without_schema(text: &str) -> String {
         Some(comma) => (key, comma + 1),
         None => (text[..key].rfind(',').unwrap_or(key), end),
     };
-    let blank: String = text[start..end].bytes().map(|byte| if byte == b'\n' { '\n' } else { ' ' }).collect();
+    let blank: String =
+        text[start..end].bytes().map(|byte| if byte == b'\n' { '\n' } else { ' ' }).collect();
     [&text[..start], &blank, &text[end..]].concat()
 }
 
@@ -350,7 +363,8 @@ mod tests {
         let layered = layers.resolve(Options::of)?;
         let refine = Refine { every: 2, growth: 3.0, refine: false };
         assert_eq!(layered.options, Options { preset: Preset::Solid, steps: 1, refine });
-        let origins = ["preset", "steps", "refine.every", "refine.growth"].map(|key| layered.origin(key));
+        let origins =
+            ["preset", "steps", "refine.every", "refine.growth"].map(|key| layered.origin(key));
         assert_eq!(origins, [Origin::Preset, Origin::File, Origin::Setting, Origin::Given]);
         assert!(layered.is_given("steps") && !layered.is_given("preset"));
         Ok(())
@@ -405,19 +419,27 @@ mod tests {
             let Value::Object(named) = value else { return Layers::default() };
             Layers::<Options>::default().named(named)
         };
-        let layered =
-            named(serde_json::json!({ "preset": "indoor", "every": 5, "refine": { "growth": 2.0 } }));
+        let layered = named(
+            serde_json::json!({ "preset": "indoor", "every": 5, "refine": { "growth": 2.0 } }),
+        );
         let layered = layered.resolve(Options::of)?;
         let refine = Refine { every: 5, growth: 2.0, refine: false };
         assert_eq!(layered.options, Options { refine, ..Options::of(Preset::Indoor) });
         assert_eq!(layered.origin("refine.every"), Origin::Given);
-        assert!(named(serde_json::json!({ "refine": true })).resolve(Options::of)?.options.refine.refine);
+        assert!(
+            named(serde_json::json!({ "refine": true }))
+                .resolve(Options::of)?
+                .options
+                .refine
+                .refine
+        );
         for (wrong, needle) in [
             (serde_json::json!({ "stps": 1 }), "stps is 1"),
             (serde_json::json!({ "refine": { "evry": 1 } }), "evry"),
             (serde_json::json!({ "every": "often" }), "a whole number, 0 or more"),
         ] {
-            let text = named(wrong).resolve(Options::of).err().map(|e| e.to_string()).unwrap_or_default();
+            let text =
+                named(wrong).resolve(Options::of).err().map(|e| e.to_string()).unwrap_or_default();
             assert!(text.contains(needle), "{needle}: {text}");
         }
         Ok(())

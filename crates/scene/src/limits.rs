@@ -82,7 +82,8 @@ impl Limits {
             format!("one of {}", names.collect::<Vec<_>>().join(", "))
         };
         let Some(slot) = all.get_mut(key) else { return Err(wrong(known(&all))) };
-        let value: u64 = value.parse().map_err(|_| wrong("a whole number, 0 or more".to_owned()))?;
+        let value: u64 =
+            value.parse().map_err(|_| wrong("a whole number, 0 or more".to_owned()))?;
         *slot = value.into();
         *self = serde_json::from_value(all).map_err(|e| wrong(e.to_string()))?;
         Ok(())
@@ -137,9 +138,15 @@ impl Limits {
 
     /// Reserves memory for `additional` entries of `list`. An array beyond the limit, or without enough
     /// memory, is an error.
-    pub fn reserve<T>(&self, place: impl Display, list: &mut Vec<T>, additional: usize) -> Result<()> {
+    pub fn reserve<T>(
+        &self,
+        place: impl Display,
+        list: &mut Vec<T>,
+        additional: usize,
+    ) -> Result<()> {
         let bytes = self.array::<T>(&place, list.len().saturating_add(additional))?;
-        list.try_reserve_exact(additional).map_err(|_| Error::Memory { place: place.to_string(), bytes })
+        list.try_reserve_exact(additional)
+            .map_err(|_| Error::Memory { place: place.to_string(), bytes })
     }
 
     /// An array of `count` zeros. Errors as for [`Limits::reserve`].
@@ -163,7 +170,13 @@ fn pixels(size: UVec2) -> u64 {
     u64::from(size.x) * u64::from(size.y)
 }
 
-fn check(place: impl Display, what: &'static str, key: &'static str, value: u64, limit: u64) -> Result<()> {
+fn check(
+    place: impl Display,
+    what: &'static str,
+    key: &'static str,
+    value: u64,
+    limit: u64,
+) -> Result<()> {
     if value <= limit {
         return Ok(());
     }
@@ -184,18 +197,18 @@ impl FromStr for Seconds {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let unit =
-            [('s', 1.0), ('m', 60.0), ('h', 3600.0)].into_iter().find(|(unit, _)| text.ends_with(*unit));
+        let unit = [('s', 1.0), ('m', 60.0), ('h', 3600.0)]
+            .into_iter()
+            .find(|(unit, _)| text.ends_with(*unit));
         let (number, factor) = match unit {
             Some((_, factor)) => (&text[..text.len() - 1], factor),
             None => (text, 1.0),
         };
         let seconds = number.parse::<f64>().ok().map(|number| number * factor);
         // NaN is in no range.
-        seconds
-            .filter(|seconds| *seconds > 0.0 && *seconds <= LONGEST)
-            .map(Self)
-            .ok_or_else(|| "expected a time above 0, at most 1e9 seconds, as in 30s, 2m or 1.5h".to_owned())
+        seconds.filter(|seconds| *seconds > 0.0 && *seconds <= LONGEST).map(Self).ok_or_else(|| {
+            "expected a time above 0, at most 1e9 seconds, as in 30s, 2m or 1.5h".to_owned()
+        })
     }
 }
 
@@ -325,7 +338,8 @@ mod tests {
 
     #[test]
     fn an_error_names_place_value_limit_and_what_lifts_it() {
-        let message = Limits::DEFAULT.picture("a.png", UVec2::splat(50_000)).unwrap_err().to_string();
+        let message =
+            Limits::DEFAULT.picture("a.png", UVec2::splat(50_000)).unwrap_err().to_string();
         let wants = "a.png: 2500000000 pixels, the limit is 268435456; if that is right, give `limit` \
                      picture_pixels=2500000000";
         assert_eq!(message, wants);
@@ -333,7 +347,11 @@ mod tests {
         lifted.set("picture_pixels=2500000000").unwrap();
         assert!(lifted.picture("a.png", UVec2::splat(50_000)).is_ok());
         assert!(
-            lifted.picture("a.png", UVec2::new(65_536, 1)).unwrap_err().to_string().contains("picture_side")
+            lifted
+                .picture("a.png", UVec2::new(65_536, 1))
+                .unwrap_err()
+                .to_string()
+                .contains("picture_side")
         );
     }
 
@@ -346,7 +364,9 @@ mod tests {
         assert!(limits.zeroed::<[u64; 4]>("a.ply", usize::MAX / 64).is_err());
         let small = Limits { array_bytes: 64, ..Limits::DEFAULT };
         assert!(small.zeroed::<u64>("a.ply", 8).is_ok());
-        assert!(small.zeroed::<u64>("a.ply", 9).unwrap_err().to_string().contains("array_bytes=72"));
+        assert!(
+            small.zeroed::<u64>("a.ply", 9).unwrap_err().to_string().contains("array_bytes=72")
+        );
         assert!(small.reserve("a.ply", &mut list, 8).is_err(), "what is there counts");
     }
 }
@@ -368,9 +388,10 @@ mod budget_tests {
             let parsed: Seconds = text.parse().unwrap();
             assert_eq!((parsed.0, parsed.to_string().as_str()), (seconds, shown), "{text}");
         }
-        for bad in
-            ["", "0", "0s", "-1", "-1m", "nan", "NaNs", "inf", "1e10", "abc", "m", "2 m", "2d", "2m-wall"]
-        {
+        for bad in [
+            "", "0", "0s", "-1", "-1m", "nan", "NaNs", "inf", "1e10", "abc", "m", "2 m", "2d",
+            "2m-wall",
+        ] {
             assert!(bad.parse::<Seconds>().is_err(), "{bad}");
         }
     }

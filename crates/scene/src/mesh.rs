@@ -67,7 +67,8 @@ impl Mesh {
     ///
     /// Errors: another number of colours than of triangles; numbers that are not finite or out of range.
     pub fn from_triangles(triangles: &[[Vec3; 3]], colors: &[[f32; 3]]) -> Result<Self> {
-        let (positions, colors) = (triangles.as_flattened().to_vec(), Colors::Face(colors.to_vec()));
+        let positions = triangles.as_flattened().to_vec();
+        let colors = Colors::Face(colors.to_vec());
         let mesh = Self { positions, colors, ..Self::default() };
         mesh.validate()?;
         Ok(mesh)
@@ -147,7 +148,8 @@ impl Mesh {
     /// Takes the faces of the shell out of the mesh, as a mesh of their own.
     pub fn take_shell(&mut self) -> Mesh {
         let flags = std::mem::take(&mut self.shell);
-        let of_shell: Vec<u32> = (0..flags.len() as u32).filter(|face| flags[*face as usize]).collect();
+        let of_shell: Vec<u32> =
+            (0..flags.len() as u32).filter(|face| flags[*face as usize]).collect();
         let shell = self.part(&of_shell);
         if !of_shell.is_empty() {
             self.retain(|face| !flags[face]);
@@ -200,7 +202,9 @@ impl Mesh {
         }
         match &mut self.colors {
             Colors::Face(colors) => *colors = gather(colors, faces),
-            Colors::Vertex(colors) if self.indices.is_empty() => *colors = gather_corners(colors, faces),
+            Colors::Vertex(colors) if self.indices.is_empty() => {
+                *colors = gather_corners(colors, faces)
+            }
             Colors::Vertex(_) => {}
         }
         self.opacity = gather_any(&self.opacity, faces);
@@ -215,7 +219,10 @@ impl Mesh {
     /// Puts faces of one material next to each other; those of a material keep their order.
     pub fn group_materials(&mut self) {
         let mut faces: Vec<u32> = (0..self.face_count() as u32).collect();
-        if faces.windows(2).any(|pair| self.material(pair[1] as usize) < self.material(pair[0] as usize)) {
+        if faces
+            .windows(2)
+            .any(|pair| self.material(pair[1] as usize) < self.material(pair[0] as usize))
+        {
             faces.sort_by_key(|face| self.material(*face as usize));
             self.select(&faces);
         }
@@ -232,10 +239,12 @@ impl Mesh {
 
     /// Some of the faces as a mesh of their own, with the vertices that they use. `faces` ascend. `[F']`
     pub fn part(&self, faces: &[u32]) -> Mesh {
-        let (opacity, normals) = (gather_any(&self.opacity, faces), gather_any(&self.normals, faces));
+        let opacity = gather_any(&self.opacity, faces);
+        let normals = gather_any(&self.normals, faces);
         let shell = gather_any(&self.shell, faces);
         let single_sided = gather_any(&self.single_sided, faces);
-        let mut vertices: Vec<u32> = faces.iter().flat_map(|face| self.face(*face as usize)).collect();
+        let mut vertices: Vec<u32> =
+            faces.iter().flat_map(|face| self.face(*face as usize)).collect();
         let mut indices = Vec::new();
         if !self.indices.is_empty() {
             let corners = vertices.clone();
@@ -263,7 +272,8 @@ impl Mesh {
     /// Keeps the faces for which `keep` returns true, in order, and drops unused vertices.
     pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
         let indexed = !self.indices.is_empty();
-        let faces: Vec<u32> = (0..self.face_count()).filter(|&f| keep(f)).map(|f| f as u32).collect();
+        let faces: Vec<u32> =
+            (0..self.face_count()).filter(|&f| keep(f)).map(|f| f as u32).collect();
         self.select(&faces);
         if !indexed {
             return;
@@ -357,7 +367,8 @@ impl Mesh {
 
     /// Unit normal of every vertex: the mean of its faces', by their area; none when faces have none. `[V]`
     pub fn vertex_normals(&self) -> Vec<Vec3> {
-        let mut sums = vec![Vec3::ZERO; if self.normals.is_empty() { 0 } else { self.vertex_count() }];
+        let mut sums =
+            vec![Vec3::ZERO; if self.normals.is_empty() { 0 } else { self.vertex_count() }];
         for (face, normal) in self.normals.iter().enumerate() {
             let area = self.area(face).max(f64::from(f32::MIN_POSITIVE)) as f32;
             self.face(face).iter().for_each(|v| sums[*v as usize] += *normal * area);
@@ -375,7 +386,8 @@ impl Mesh {
     /// Replaces the texture by each face's mean colour of it. Returns whether there was one.
     pub fn drop_texture(&mut self) -> bool {
         let Some(texture) = self.texture.take() else { return false };
-        self.colors = Colors::Face(parallel::collect(self.face_count(), 1, |face| texture.mean(face)));
+        self.colors =
+            Colors::Face(parallel::collect(self.face_count(), 1, |face| texture.mean(face)));
         true
     }
 
@@ -403,9 +415,11 @@ impl Mesh {
     /// Turns colours per face into colours per vertex by giving every corner its own vertex.
     fn spread(&mut self) {
         if let Colors::Face(colors) = &self.colors {
-            let spread = parallel::collect(colors.len(), GRAIN, |face| [colors[face]; 3]).into_flattened();
+            let spread =
+                parallel::collect(colors.len(), GRAIN, |face| [colors[face]; 3]).into_flattened();
             if !self.indices.is_empty() {
-                let corners = parallel::collect(self.face_count(), GRAIN, |face| self.corners(face));
+                let corners =
+                    parallel::collect(self.face_count(), GRAIN, |face| self.corners(face));
                 self.positions = corners.into_flattened();
                 self.indices.clear();
             }
@@ -415,10 +429,15 @@ impl Mesh {
 
     /// Checks that there are whole faces, colours and opacities for all, and no index out of range.
     pub fn validate_shape(&self) -> Result<()> {
-        let (v, f) = (self.vertex_count(), self.face_count());
+        let v = self.vertex_count();
+        let f = self.face_count();
         let shape = |what: &str, got: usize, wants: String| Err(Error::invalid(what, got, wants));
         if self.indices.is_empty() && v % 3 != 0 {
-            return shape("mesh vertex count", v, "a multiple of 3 when there are no indices".into());
+            return shape(
+                "mesh vertex count",
+                v,
+                "a multiple of 3 when there are no indices".into(),
+            );
         }
         if !self.indices.len().is_multiple_of(3) {
             return shape("mesh index count", self.indices.len(), "a multiple of 3".into());
@@ -455,7 +474,9 @@ impl Mesh {
         }
         let is_bad = |i: usize| (self.indices[i] as usize >= v).then_some(i);
         match parallel::find_first(self.indices.len(), 1 << 16, is_bad) {
-            Some(i) => shape("mesh index", self.indices[i] as usize, format!("below {v} (face {})", i / 3)),
+            Some(i) => {
+                shape("mesh index", self.indices[i] as usize, format!("below {v} (face {})", i / 3))
+            }
             None => Ok(()),
         }
     }
@@ -469,12 +490,19 @@ impl Mesh {
             && all_in_unit(bytemuck::cast_slice(colors))
             && all_in_unit(&self.opacity)
             && all_finite(bytemuck::cast_slice(&self.normals))
-            && self.texture.iter().all(|one| all_finite(bytemuck::cast_slice(one.uvs.as_flattened())));
+            && self
+                .texture
+                .iter()
+                .all(|one| all_finite(bytemuck::cast_slice(one.uvs.as_flattened())));
         if valid {
             return Ok(());
         }
         if let Some(i) = self.positions.iter().position(|p| !p.is_finite()) {
-            return Err(Error::invalid(format!("mesh position {i}"), self.positions[i], "finite numbers"));
+            return Err(Error::invalid(
+                format!("mesh position {i}"),
+                self.positions[i],
+                "finite numbers",
+            ));
         }
         let in_unit = |x: &f32| (0.0..=1.0).contains(x);
         if let Some(i) = colors.iter().position(|c| !c.iter().all(in_unit)) {
@@ -482,10 +510,16 @@ impl Mesh {
             return Err(Error::invalid(format!("mesh color {i}"), value, "values in [0, 1]"));
         }
         match self.opacity.iter().position(|o| !in_unit(o)) {
-            Some(i) => Err(Error::invalid(format!("mesh opacity {i}"), self.opacity[i], "a value in [0, 1]")),
-            None => {
-                Err(Error::invalid("mesh normals or texture coordinates", "not finite", "finite numbers"))
-            }
+            Some(i) => Err(Error::invalid(
+                format!("mesh opacity {i}"),
+                self.opacity[i],
+                "a value in [0, 1]",
+            )),
+            None => Err(Error::invalid(
+                "mesh normals or texture coordinates",
+                "not finite",
+                "finite numbers",
+            )),
         }
     }
 }

@@ -76,12 +76,21 @@ pub fn collect<T: Send>(count: usize, grain: usize, value: impl Fn(usize) -> T +
 }
 
 /// Appends the values of every number below `count` to `out`, at least `grain` of them in a task.
-pub fn extend<T: Send>(out: &mut Vec<T>, count: usize, grain: usize, value: impl Fn(usize) -> T + Sync) {
+pub fn extend<T: Send>(
+    out: &mut Vec<T>,
+    count: usize,
+    grain: usize,
+    value: impl Fn(usize) -> T + Sync,
+) {
     fill(out, count, task_len(count, grain), || (), |(), i| value(i));
 }
 
 /// The values of the numbers below `count` that have one, at least `grain` numbers in a task.
-pub fn filter_map<T: Send>(count: usize, grain: usize, value: impl Fn(usize) -> Option<T> + Sync) -> Vec<T> {
+pub fn filter_map<T: Send>(
+    count: usize,
+    grain: usize,
+    value: impl Fn(usize) -> Option<T> + Sync,
+) -> Vec<T> {
     let parts = ranges(count, grain, |range| range.filter_map(&value).collect::<Vec<T>>());
     let mut out = Vec::with_capacity(parts.iter().map(Vec::len).sum());
     parts.into_iter().for_each(|part| out.extend(part));
@@ -110,7 +119,11 @@ pub fn find_first<T: Send>(
 
 /// The results of `work` for consecutive ranges of the numbers below `count`, each of at least `grain`, but the last.
 /// How many there are depends on the number of threads, so what is made of them must not: integers summed, lists joined.
-pub fn ranges<T: Send>(count: usize, grain: usize, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
+pub fn ranges<T: Send>(
+    count: usize,
+    grain: usize,
+    work: impl Fn(Range<usize>) -> T + Sync,
+) -> Vec<T> {
     let len = task_len(count, grain);
     map((0..count).step_by(len), |_, from| work(from..(from + len).min(count)))
 }
@@ -206,7 +219,10 @@ mod tests {
                 for_each_mut(&mut values, 4, |i, value| *value += i);
                 let mut tripled = values.clone();
                 for_each(tripled.chunks_mut(3).zip(values.chunks(3)), |task, (to, from)| {
-                    to.iter_mut().zip(from).zip(3 * task..).for_each(|((to, from), i)| *to = from + i);
+                    to.iter_mut()
+                        .zip(from)
+                        .zip(3 * task..)
+                        .for_each(|((to, from), i)| *to = from + i);
                 });
                 tripled
             };

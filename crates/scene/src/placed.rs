@@ -48,8 +48,10 @@ const DIGITS: f64 = 1e4;
 
 /// Some of `cameras` as [`Provenance::cameras`] has them.
 pub fn named(cameras: &[Camera]) -> Vec<[f64; 8]> {
-    let chosen: Vec<Camera> = evenly_spaced(cameras.len(), MOST_CAMERAS).map(|i| cameras[i]).collect();
-    let apart = chosen.iter().map(|c| c.position().distance(chosen[0].position())).fold(0.0, f32::max);
+    let chosen: Vec<Camera> =
+        evenly_spaced(cameras.len(), MOST_CAMERAS).map(|i| cameras[i]).collect();
+    let apart =
+        chosen.iter().map(|c| c.position().distance(chosen[0].position())).fold(0.0, f32::max);
     let unit = libm::pow(10.0, libm::floor(libm::log10(f64::from(apart).max(1e-9))));
     let rounded = |number: f64, digits: f64| (number * digits).round() / digits;
     let numbers = |camera: &Camera| {
@@ -73,9 +75,15 @@ pub fn named_cameras(provenance: &Provenance) -> Vec<Camera> {
         let half = DVec2::new(wide, high);
         let size = (half * (PIXELS / (wide * high)).sqrt()).round();
         let rotation = glam::DMat3::from_quat(turn).transpose().as_mat3();
-        let (center, focal) = ((size / 2.0).as_vec2(), (size / half / 2.0).as_vec2());
-        let camera =
-            Camera { rotation, translation: -(rotation * eye), focal, center, size: size.as_uvec2() };
+        let center = (size / 2.0).as_vec2();
+        let focal = (size / half / 2.0).as_vec2();
+        let camera = Camera {
+            rotation,
+            translation: -(rotation * eye),
+            focal,
+            center,
+            size: size.as_uvec2(),
+        };
         camera.validate(&Limits::DEFAULT).ok().map(|()| camera)
     };
     provenance.cameras.iter().take(MOST_CAMERAS).filter_map(camera).collect()
@@ -108,8 +116,9 @@ impl SceneNormalization {
     pub fn of(cameras: &[Camera], count: usize, point: impl Fn(usize) -> Vec3) -> Self {
         let positions: Vec<_> = cameras.iter().map(|c| c.position().as_dvec3()).collect();
         let center = positions.iter().sum::<glam::DVec3>() / positions.len().max(1) as f64;
-        let depths: Vec<f32> =
-            pairs(cameras.len(), count).filter_map(|(c, p)| Some(cameras[c].shows(point(p))?.1)).collect();
+        let depths: Vec<f32> = pairs(cameras.len(), count)
+            .filter_map(|(c, p)| Some(cameras[c].shows(point(p))?.1))
+            .collect();
         let spread = positions.iter().map(|p| p.distance(center)).fold(0.0, f64::max) as f32;
         let unit = median(depths, f32::total_cmp).unwrap_or(spread);
         let scale = if unit > 0.0 && unit.is_finite() { 1.0 / unit } else { 1.0 };
@@ -147,7 +156,8 @@ impl SceneNormalization {
 /// through the numbered pairs would meet only few cameras if it shared a factor with their number.
 fn pairs(cameras: usize, points: usize) -> impl Iterator<Item = (usize, usize)> {
     let all = cameras.saturating_mul(points);
-    let (camera, point) = (Rng::new(SEED, "space camera", 0), Rng::new(SEED, "space point", 0));
+    let camera = Rng::new(SEED, "space camera", 0);
+    let point = Rng::new(SEED, "space point", 0);
     let below = |random: u64, count: usize| (random % count as u64) as usize;
     (0..all.min(PAIRS)).map(move |i| match all <= PAIRS {
         true => (i % cameras, i / cameras),
@@ -181,11 +191,15 @@ impl FromStr for Region {
         }
         if let Some(count) = text.strip_prefix("seen:") {
             let count = count.parse().ok().filter(|k| *k > 0);
-            return count.map(Self::Seen).ok_or_else(|| format!("has no number of cameras; {wants}"));
+            return count
+                .map(Self::Seen)
+                .ok_or_else(|| format!("has no number of cameras; {wants}"));
         }
         let number = |word: &str| word.trim().parse().ok().filter(|x: &f64| x.is_finite());
         match text.split(',').map(number).collect::<Option<Vec<f64>>>().as_deref() {
-            Some(&[a, b, c, x, y, z]) if a <= x && b <= y && c <= z => Ok(Self::Box([a, b, c], [x, y, z])),
+            Some(&[a, b, c, x, y, z]) if a <= x && b <= y && c <= z => {
+                Ok(Self::Box([a, b, c], [x, y, z]))
+            }
             Some(&[_, _, _, _, _, _]) => Err("is a box with x0 > x1, y0 > y1 or z0 > z1".into()),
             Some(&[x, y, z, radius]) if radius > 0.0 => Ok(Self::Sphere([x, y, z], radius)),
             _ => Err(wants.into()),
@@ -232,11 +246,15 @@ mod tests {
     #[test]
     fn named_cameras_see_what_the_photos_see() {
         let size = UVec2::new(640, 480);
-        let (focal, center) = (Vec2::new(400.0, 410.0), size.as_vec2() / 2.0);
-        let lens = Camera { rotation: Mat3::IDENTITY, translation: Vec3::ZERO, focal, center, size };
-        let eye = |i: usize| Vec3::new(3.0 * (i as f32).cos(), 0.2 * i as f32, 3.0 * (i as f32).sin());
+        let focal = Vec2::new(400.0, 410.0);
+        let center = size.as_vec2() / 2.0;
+        let lens =
+            Camera { rotation: Mat3::IDENTITY, translation: Vec3::ZERO, focal, center, size };
+        let eye =
+            |i: usize| Vec3::new(3.0 * (i as f32).cos(), 0.2 * i as f32, 3.0 * (i as f32).sin());
         for scale in [1.0, 3e4, 2e-3] {
-            let camera = |i| lens.looking(scale * eye(i), Vec3::ZERO, Vec3::new(0.1 * i as f32, 1.0, 0.0));
+            let camera =
+                |i| lens.looking(scale * eye(i), Vec3::ZERO, Vec3::new(0.1 * i as f32, 1.0, 0.0));
             let cameras: Vec<Camera> = (0..40).map(camera).collect();
             let mut provenance = Provenance { cameras: named(&cameras), ..Provenance::default() };
             let back = named_cameras(&provenance);
@@ -245,7 +263,9 @@ mod tests {
             for (i, back) in chosen.zip(&back) {
                 let camera = cameras[i];
                 let point = scale * Vec3::new(0.3, -0.4, 0.2);
-                let seen = |camera: &Camera| camera.shows(point).expect("in view").0 / camera.size.as_vec2();
+                let seen = |camera: &Camera| {
+                    camera.shows(point).expect("in view").0 / camera.size.as_vec2()
+                };
                 let off = seen(&camera).distance(seen(back));
                 assert!(off < 2e-3, "{scale} {i} {off}");
             }
@@ -279,8 +299,12 @@ mod tests {
             assert!((placed.rotation.determinant() - 1.0).abs() < 1e-5);
             for point in [Vec3::new(0.5, 1.0, 2.0), Vec3::new(-1.0, 0.25, 0.0)] {
                 let world = (point.as_dvec3() + origin).as_vec3();
-                let (wants, got) = (pixel(&camera, point), pixel(&placed, placement.to_file(world)));
-                assert!(wants.0.distance(got.0) < 0.1 && (got.1 / wants.1 - 2.5).abs() < 1e-3, "{up:?}");
+                let wants = pixel(&camera, point);
+                let got = pixel(&placed, placement.to_file(world));
+                assert!(
+                    wants.0.distance(got.0) < 0.1 && (got.1 / wants.1 - 2.5).abs() < 1e-3,
+                    "{up:?}"
+                );
             }
             let back = to_world(&placed, &placement, origin);
             assert!(back.rotation.abs_diff_eq(camera.rotation, 1e-5));
@@ -316,7 +340,10 @@ mod normalization_tests {
             let shift = shift * scale;
             let place = |p: Vec3| p * scale + shift;
             let moved: Vec<Vec3> = points.iter().map(|&p| place(p)).collect();
-            let space = SceneNormalization::new(&[camera(place(Vec3::ZERO)), camera(place(Vec3::X))], &moved);
+            let space = SceneNormalization::new(
+                &[camera(place(Vec3::ZERO)), camera(place(Vec3::X))],
+                &moved,
+            );
             for (a, b) in points.iter().zip(&moved) {
                 assert!(base.to_training(*a).distance(space.to_training(*b)) < 2e-4);
             }
@@ -330,7 +357,10 @@ mod normalization_tests {
             let mut times = vec![0u32; cameras];
             pairs(cameras, points).for_each(|(camera, _)| times[camera] += 1);
             let even = PAIRS as u32 / cameras as u32;
-            assert!(times.iter().all(|&n| n > even / 2 && n < 2 * even), "{cameras} cameras: {times:?}");
+            assert!(
+                times.iter().all(|&n| n > even / 2 && n < 2 * even),
+                "{cameras} cameras: {times:?}"
+            );
         }
         // One camera in three stands three times as far away: the median is that of the others.
         let cameras: Vec<Camera> =
@@ -365,9 +395,14 @@ mod region_tests {
     #[test]
     fn regions_are_read_as_they_are_written() {
         for text in ["0,-1,2,3,4.5,6", "1,2,3,0.5", "seen:4", "subject"] {
-            assert_eq!(text.parse::<Region>().map(|region| region.to_string()), Ok(text.to_owned()));
+            assert_eq!(
+                text.parse::<Region>().map(|region| region.to_string()),
+                Ok(text.to_owned())
+            );
         }
-        for wrong in ["1,0,0,0,1,1", "1,2,3", "1,2,3,0", "seen:0", "seen:x", "a,b,c,d", "1,2,3,nan", ""] {
+        for wrong in
+            ["1,0,0,0,1,1", "1,2,3", "1,2,3,0", "seen:0", "seen:x", "a,b,c,d", "1,2,3,nan", ""]
+        {
             assert!(wrong.parse::<Region>().is_err(), "{wrong}");
         }
     }

@@ -49,7 +49,8 @@ pub type Visit<'a> = &'a mut dyn FnMut(&str, f64, (f64, f64)) -> Result<()>;
 /// Calls `visit` with the key, as in `loss.opacity`, the value and the range of each number of `options`; with NaN for one that
 /// is not finite, which JSON cannot express.
 pub fn each<T: Serialize + JsonSchema>(options: &T, visit: Visit<'_>) -> Result<()> {
-    let value = serde_json::to_value(options).map_err(|e| Error::invalid("options", e, "numbers"))?;
+    let value =
+        serde_json::to_value(options).map_err(|e| Error::invalid("options", e, "numbers"))?;
     let settings = SchemaSettings::default().with(|settings| settings.inline_subschemas = true);
     let schema = settings.into_generator().into_root_schema_for::<T>();
     each_below(&value, schema.as_value(), "", visit)
@@ -80,7 +81,11 @@ fn range(schema: &Value) -> (f64, f64) {
 
 fn may_be_null(schema: &Value) -> bool {
     let is_null = |kind: &Value| kind == "null" || kind["type"] == "null";
-    [&schema["type"], &schema["anyOf"]].into_iter().filter_map(Value::as_array).flatten().any(is_null)
+    [&schema["type"], &schema["anyOf"]]
+        .into_iter()
+        .filter_map(Value::as_array)
+        .flatten()
+        .any(is_null)
 }
 
 fn within(key: &str, value: f64, (low, high): (f64, f64), called: Called) -> Result<()> {
@@ -96,7 +101,9 @@ fn within(key: &str, value: f64, (low, high): (f64, f64), called: Called) -> Res
 
 fn words(low: f64, high: f64) -> String {
     // 1e9 is easier to read than 1000000000.
-    let short = |x: f64| if x >= 1e6 && x.log10().fract() == 0.0 { format!("{x:e}") } else { x.to_string() };
+    let short = |x: f64| {
+        if x >= 1e6 && x.log10().fract() == 0.0 { format!("{x:e}") } else { x.to_string() }
+    };
     match low {
         ABOVE_ZERO => format!("> 0, at most {}", short(high)),
         _ if high >= LARGEST => format!("{} or more, at most {}", short(low), short(high)),

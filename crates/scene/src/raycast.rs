@@ -40,19 +40,28 @@ impl std::fmt::Debug for RayTree {
 
 impl RayTree {
     /// The first of the first `faces` faces of `mesh` on a ray; the tree stays that of the first call's mesh.
-    pub fn first_hit(&self, mesh: &Mesh, faces: usize, origin: Vec3, direction: Vec3) -> Option<Hit> {
+    pub fn first_hit(
+        &self,
+        mesh: &Mesh,
+        faces: usize,
+        origin: Vec3,
+        direction: Vec3,
+    ) -> Option<Hit> {
         if !origin.is_finite() || !direction.is_finite() || direction == Vec3::ZERO {
             return None;
         }
-        let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
+        let origin = origin.as_dvec3();
+        let direction = direction.as_dvec3();
         let length = direction.length();
         let mut nearest: Option<Hit> = None;
         let mut test = |face: u32| {
             // Along the direction as it was given: products of f32 are exact in f64, so rounding gives no face without area a hit.
-            let found = intersect(origin, direction, mesh.corners(face as usize)).map(|t| t * length);
+            let found =
+                intersect(origin, direction, mesh.corners(face as usize)).map(|t| t * length);
             if let Some(distance) = found
-                && nearest
-                    .is_none_or(|hit| distance < hit.distance || distance == hit.distance && face < hit.face)
+                && nearest.is_none_or(|hit| {
+                    distance < hit.distance || distance == hit.distance && face < hit.face
+                })
             {
                 nearest = Some(Hit { face, distance });
             }
@@ -69,7 +78,9 @@ impl RayTree {
 /// Distance, in lengths of `direction`, to a triangle seen from either side (Möller and Trumbore 1997), edges included.
 fn intersect(origin: DVec3, direction: DVec3, corners: [Vec3; 3]) -> Option<f64> {
     let [a, b, c] = corners.map(|v| v.as_dvec3());
-    let (ab, ac, from_a) = (b - a, c - a, origin - a);
+    let ab = b - a;
+    let ac = c - a;
+    let from_a = origin - a;
     let normal = direction.cross(ac);
     let inverse = 1.0 / ab.dot(normal);
     let u = from_a.dot(normal) * inverse;
@@ -105,22 +116,35 @@ impl Tree {
         let boxes: Vec<Aabb> = boxes.collect();
         let (boxes, origin, scale) = to_unit_cube(&boxes);
         let numbers = (0..boxes.len() as u32).collect();
-        let mut bvh =
-            PlocBuilder::new().build(PlocSearchDistance::Low, &boxes, numbers, SortPrecision::U64, 0);
+        let mut bvh = PlocBuilder::new().build(
+            PlocSearchDistance::Low,
+            &boxes,
+            numbers,
+            SortPrecision::U64,
+            0,
+        );
         bvh.primitive_indices.iter_mut().for_each(|i| *i = indices[*i as usize]);
         Self { bvh, faces, origin, scale }
     }
 
     /// Calls `test`, which returns the distance of a face, with every face that may be the nearest. False when the
     /// ray starts too far away to tell.
-    fn search(&self, origin: DVec3, direction: DVec3, test: &mut impl FnMut(u32) -> Option<f64>) -> bool {
+    fn search(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        test: &mut impl FnMut(u32) -> Option<f64>,
+    ) -> bool {
         let start = (origin - self.origin) * self.scale;
-        let (mut near, mut far) = (0.0f64, f64::INFINITY);
+        let mut near = 0.0f64;
+        let mut far = f64::INFINITY;
         for axis in 0..3 {
             let at = |plane: f64| (plane - start[axis]) / direction[axis];
-            let (low, high) = (at(-0.01), at(1.01));
+            let low = at(-0.01);
+            let high = at(1.01);
             if direction[axis] != 0.0 {
-                (near, far) = (near.max(low.min(high)), far.min(low.max(high)));
+                near = near.max(low.min(high));
+                far = far.min(low.max(high));
             } else if !(-0.01..=1.01).contains(&start[axis]) {
                 return true;
             }
@@ -149,12 +173,15 @@ impl Tree {
 /// deep as the number of boxes.
 fn to_unit_cube(boxes: &[Aabb]) -> (Vec<Aabb>, DVec3, f64) {
     let all = boxes.iter().fold(Aabb::empty(), |all, b| all.union(b));
-    let (origin, size) = (all.min.as_dvec3(), (all.max.as_dvec3() - all.min.as_dvec3()).max_element());
+    let origin = all.min.as_dvec3();
+    let size = (all.max.as_dvec3() - all.min.as_dvec3()).max_element();
     let scale = if size > 0.0 { 1.0 / size } else { 1.0 };
     let place = |v: Vec3A| ((v.as_dvec3() - origin) * scale).as_vec3a();
     let rng = Rng::new(0, "bvh ties", 0);
     let grown = |(i, b): (usize, &Aabb)| {
-        let (min, max, bits) = (place(b.min), place(b.max), rng.bits(i as u64));
+        let min = place(b.min);
+        let max = place(b.max);
+        let bits = rng.bits(i as u64);
         let most = 1e-3 * (max - min).max_element() + 1e-6;
         let by = |shift: u32| MARGIN + most * (1.0 / 1024.0) * ((bits >> shift) & 0x3ff) as f32;
         Aabb::new(min - Vec3A::new(by(0), by(10), by(20)), max + Vec3A::new(by(30), by(40), by(50)))

@@ -64,8 +64,16 @@ pub struct StageReport {
 impl StageReport {
     /// Of a stage with nothing to do, for this reason.
     pub fn skipped(name: &str, why: String) -> Self {
-        let (before, after) = (Counts::default(), Counts::default());
-        Self { name: name.to_owned(), seconds: 0.0, before, after, skipped: Some(why), details: Map::new() }
+        let before = Counts::default();
+        let after = Counts::default();
+        Self {
+            name: name.to_owned(),
+            seconds: 0.0,
+            before,
+            after,
+            skipped: Some(why),
+            details: Map::new(),
+        }
     }
 
     /// The measurements of this stage; `None` if `D` belongs to another stage or there are none.
@@ -109,7 +117,10 @@ impl<'a> StageProgress<'a> {
     /// The progress of a part, from one fraction of this one to another.
     pub fn part(&mut self, from: f64, to: f64) -> StageProgress<'_> {
         let (start, length) = self.part;
-        StageProgress { observer: &mut *self.observer, part: (start + length * from, length * (to - from)) }
+        StageProgress {
+            observer: &mut *self.observer,
+            part: (start + length * from, length * (to - from)),
+        }
     }
 
     /// `done` of `all` is done.

@@ -36,7 +36,9 @@ impl Scene {
     /// Triangles and vertices, for reports.
     pub fn counts(&self) -> Counts {
         match self {
-            Scene::Soup(soup) => Counts { triangles: soup.len() as u64, vertices: 3 * soup.len() as u64 },
+            Scene::Soup(soup) => {
+                Counts { triangles: soup.len() as u64, vertices: 3 * soup.len() as u64 }
+            }
             Scene::Mesh(mesh) => mesh.counts(),
         }
     }
@@ -100,7 +102,8 @@ fn nearly_solid(mesh: &Mesh) -> Soup {
         let mean = (corners[0] + corners[1] + corners[2]) / 3.0;
         mean.to_array().map(|channel| sh0_from_rgb(srgb_from_linear(channel)))
     };
-    let opacity = |face: usize| mesh.opacity.get(face).map_or(MESH_OPACITY, |o| o.min(MESH_OPACITY));
+    let opacity =
+        |face: usize| mesh.opacity.get(face).map_or(MESH_OPACITY, |o| o.min(MESH_OPACITY));
     Soup {
         vertices: (0..count).map(|face| mesh.corners(face)).collect(),
         opacity: (0..count).map(opacity).collect(),
@@ -156,7 +159,12 @@ impl ImportedScene {
 impl From<Scene> for ImportedScene {
     /// A scene from memory instead of a file.
     fn from(scene: Scene) -> Self {
-        ImportedScene { scene, provenance: Provenance::default(), warnings: Vec::new(), cameras: Vec::new() }
+        ImportedScene {
+            scene,
+            provenance: Provenance::default(),
+            warnings: Vec::new(),
+            cameras: Vec::new(),
+        }
     }
 }
 

@@ -115,7 +115,8 @@ impl Soup {
         if degree >= self.sh_degree {
             return;
         }
-        let (from, to) = (self.sh_count(), (degree as usize + 1).pow(2));
+        let from = self.sh_count();
+        let to = (degree as usize + 1).pow(2);
         for i in 0..self.len() {
             self.sh.copy_within(i * from..i * from + to, i * to);
         }
@@ -127,10 +128,13 @@ impl Soup {
     pub fn picked(&self, order: &[usize]) -> Soup {
         let k = self.sh_count();
         let mut sh = vec![[0.0; 3]; k * order.len()];
-        parallel::for_each(sh.chunks_mut(k * GRAIN).zip(order.chunks(GRAIN)), |_, (rows, order)| {
-            let rows = rows.chunks_exact_mut(k).zip(order);
-            rows.for_each(|(row, &i)| row.copy_from_slice(&self.sh[k * i..k * (i + 1)]));
-        });
+        parallel::for_each(
+            sh.chunks_mut(k * GRAIN).zip(order.chunks(GRAIN)),
+            |_, (rows, order)| {
+                let rows = rows.chunks_exact_mut(k).zip(order);
+                rows.for_each(|(row, &i)| row.copy_from_slice(&self.sh[k * i..k * (i + 1)]));
+            },
+        );
         let n = order.len();
         Soup {
             vertices: parallel::collect(n, GRAIN, |at| self.vertices[order[at]]),
@@ -198,7 +202,8 @@ impl Soup {
         if self.sh_degree > 3 {
             return Err(Error::invalid("soup SH degree", self.sh_degree, "0, 1, 2 or 3"));
         }
-        if self.opacity.len() != n || self.sigma.len() != n || self.sh.len() != n * self.sh_count() {
+        if self.opacity.len() != n || self.sigma.len() != n || self.sh.len() != n * self.sh_count()
+        {
             return Err(Error::invalid(
                 "soup",
                 format!("{n} / {} / {} / {}", self.opacity.len(), self.sigma.len(), self.sh.len()),
@@ -206,7 +211,11 @@ impl Soup {
             ));
         }
         if !self.shell.is_empty() && self.shell.len() != n {
-            return Err(Error::invalid("soup shell flags", self.shell.len(), format!("none, or {n}")));
+            return Err(Error::invalid(
+                "soup shell flags",
+                self.shell.len(),
+                format!("none, or {n}"),
+            ));
         }
         Ok(())
     }
@@ -226,7 +235,9 @@ impl Soup {
     fn first_error(&self) -> Error {
         let k = self.sh_count();
         for (i, corners) in self.vertices.iter().enumerate() {
-            let (opacity, sigma, sh) = (self.opacity[i], self.sigma[i], &self.sh[i * k..(i + 1) * k]);
+            let opacity = self.opacity[i];
+            let sigma = self.sigma[i];
+            let sh = &self.sh[i * k..(i + 1) * k];
             let error = |what: &str, value: String, wants: &str| {
                 Error::invalid(format!("soup {what} of triangle {i}"), value, wants)
             };
@@ -238,8 +249,7 @@ impl Soup {
                 return error("opacity", opacity.to_string(), wants);
             }
             if !(sigma > 0.0 && sigma.is_finite()) {
-                let wants =
-                    "a finite number above 0 (if these are raw parameters, apply 0.01 + exp(raw) first)";
+                let wants = "a finite number above 0 (if these are raw parameters, apply 0.01 + exp(raw) first)";
                 return error("sigma", sigma.to_string(), wants);
             }
             if !sh.iter().flatten().all(|x| x.is_finite()) {
@@ -296,11 +306,15 @@ mod tests {
         let mut kept = all.clone();
         kept.retain(|i| i != 1);
         assert_eq!((kept.len(), shell_of(&kept)), (3, vec![0.3]));
-        let (mut first, mut ordered) = (all.clone(), all.clone());
+        let mut first = all.clone();
+        let mut ordered = all.clone();
         let rest = first.split_off(2);
         assert_eq!((shell_of(&first), shell_of(&rest)), (vec![0.1], vec![0.3]));
         assert_eq!(ordered.put_shell_first(), 2);
-        assert_eq!((ordered.opacity.clone(), shell_of(&ordered)), (vec![0.1, 0.3, 0.0, 0.2], vec![0.1, 0.3]));
+        assert_eq!(
+            (ordered.opacity.clone(), shell_of(&ordered)),
+            (vec![0.1, 0.3, 0.0, 0.2], vec![0.1, 0.3])
+        );
         let plain = soup(&[0.5], &[]);
         for (a, b) in [(&all, &plain), (&plain, &all)] {
             let mut both = a.clone();

@@ -106,7 +106,11 @@ impl Splats {
                 self.sh.len(),
                 self.sh_degree
             );
-            return Err(Error::invalid("splats", value, "one of each per Gaussian, SH degree 0 to 3"));
+            return Err(Error::invalid(
+                "splats",
+                value,
+                "one of each per Gaussian, SH degree 0 to 3",
+            ));
         }
         Ok(())
     }
@@ -120,7 +124,8 @@ impl Splats {
             bytemuck::cast_slice(&self.sh),
         ];
         let in_range = |i: usize| {
-            self.scales[i].min_element() >= 0.0 && (self.rotations[i].length_squared() - 1.0).abs() < 1e-3
+            self.scales[i].min_element() >= 0.0
+                && (self.rotations[i].length_squared() - 1.0).abs() < 1e-3
         };
         let fine = numbers.into_iter().all(all_finite)
             && all_in_unit(&self.opacity)
@@ -128,10 +133,12 @@ impl Splats {
         if fine {
             return Ok(());
         }
-        let bad =
-            |i: &usize| !self.is_finite(*i) || !in_range(*i) || !(0.0..=1.0).contains(&self.opacity[*i]);
+        let bad = |i: &usize| {
+            !self.is_finite(*i) || !in_range(*i) || !(0.0..=1.0).contains(&self.opacity[*i])
+        };
         let first = (0..self.len()).find(bad).unwrap_or(0);
-        let wants = "finite numbers, opacity in [0, 1], scales of 0 or more, rotations of length one";
+        let wants =
+            "finite numbers, opacity in [0, 1], scales of 0 or more, rotations of length one";
         Err(Error::invalid("splats", format!("out of range at Gaussian {first}"), wants))
     }
 
@@ -153,8 +160,10 @@ impl Splats {
         let mut axes = [0, 1, 2];
         axes.sort_by(|a, b| scales[*b].total_cmp(&scales[*a]));
         let axis = |a: usize| self.rotations[i] * Vec3::AXES[a] * (scales[a] * CORNER_SIGMAS);
-        let (long, short) = (axis(axes[0]), axis(axes[1]));
-        let (down, half) = (3f32.sqrt() / 2.0, 0.5);
+        let long = axis(axes[0]);
+        let short = axis(axes[1]);
+        let down = 3f32.sqrt() / 2.0;
+        let half = 0.5;
         [long, short * down - long * half, -short * down - long * half]
             .map(|corner| self.positions[i] + corner)
     }

@@ -53,7 +53,8 @@ impl FaceTexture {
         if self.page_of.is_empty() {
             return Self { uvs, pages: self.pages.clone(), page_of: Vec::new() };
         }
-        let page_of = parallel::collect(faces.len(), 1 << 13, |at| self.page_of[faces[at] as usize]);
+        let page_of =
+            parallel::collect(faces.len(), 1 << 13, |at| self.page_of[faces[at] as usize]);
         Self { uvs, pages: self.pages.clone(), page_of }.without_unused_pages()
     }
 
@@ -86,7 +87,8 @@ impl FaceTexture {
                 pages.len() - 1
             }) as u16
         };
-        let numbers: Vec<u16> = other.pages.iter().map(|page| number(page, &mut self.pages)).collect();
+        let numbers: Vec<u16> =
+            other.pages.iter().map(|page| number(page, &mut self.pages)).collect();
         let faces = self.uvs.len();
         self.uvs.extend(&other.uvs);
         if self.pages.len() > 1 {
@@ -147,7 +149,11 @@ impl FaceTexture {
         };
         let from = self.pages.iter().map(|page| page.level(halvings));
         let scaled = from.zip(&tops).map(|(from, top)| {
-            (from, from.size.as_vec2() / size.as_vec2(), Vec2::new(0.0, *top as f32 / size.y as f32))
+            (
+                from,
+                from.size.as_vec2() / size.as_vec2(),
+                Vec2::new(0.0, *top as f32 / size.y as f32),
+            )
         });
         let pages: Vec<(&RgbImage, Vec2, Vec2)> = scaled.collect();
         let row = |_, y: u32| {
@@ -170,7 +176,8 @@ impl FaceTexture {
 
     /// Size of a picture of all pages, and the row where each begins.
     fn stacked(&self, halvings: usize) -> (UVec2, Vec<u32>) {
-        let (mut size, mut tops) = (UVec2::ZERO, Vec::with_capacity(self.pages.len()));
+        let mut size = UVec2::ZERO;
+        let mut tops = Vec::with_capacity(self.pages.len());
         for page in &self.pages {
             let of_page = page.level(halvings).size;
             tops.push(size.y);
@@ -220,7 +227,8 @@ impl Texture {
     ///
     /// Errors: what cannot be decoded, or not within `limits`.
     pub fn decoded(place: &Path, bytes: &[u8], limits: &Limits) -> Result<Self> {
-        let format = image::guess_format(bytes).map_or_else(|_| "?".to_owned(), |f| format!("{f:?}"));
+        let format =
+            image::guess_format(bytes).map_or_else(|_| "?".to_owned(), |f| format!("{f:?}"));
         let stored = StoredPicture { format: format.to_uppercase(), bytes: bytes.len() as u64 };
         Ok(Self { stored: Some(stored), ..Self::new(RgbImage::from_bytes(place, bytes, limits)?) })
     }
@@ -254,7 +262,8 @@ impl Texture {
     /// levels nearest to `level`. Outside of [0, 1] the border is repeated.
     pub fn sample(&self, uv: Vec2, level: f32) -> [f32; 3] {
         let level = if level > 0.0 { level.min((self.levels.len() - 1) as f32) } else { 0.0 };
-        let (finer, part) = (level as usize, level.fract());
+        let finer = level as usize;
+        let part = level.fract();
         let near = self.bilinear(finer, uv);
         if part == 0.0 {
             return near;
@@ -268,15 +277,18 @@ impl Texture {
         let last = (level.size - 1).as_vec2();
         let at = (uv * level.size.as_vec2() - 0.5).clamp(Vec2::ZERO, last);
         let at = if at.is_finite() { at } else { Vec2::ZERO };
-        let (corner, part) = (at.as_uvec2(), at.fract());
+        let corner = at.as_uvec2();
+        let part = at.fract();
         let next = (corner + 1).min(level.size - 1);
         let texel = |x: u32, y: u32| {
-            level.rgb[(y * level.size.x + x) as usize].map(|code| linear_of_srgb8()[usize::from(code)])
+            level.rgb[(y * level.size.x + x) as usize]
+                .map(|code| linear_of_srgb8()[usize::from(code)])
         };
         let [a, b] = [texel(corner.x, corner.y), texel(next.x, corner.y)];
         let [c, d] = [texel(corner.x, next.y), texel(next.x, next.y)];
         [0, 1, 2].map(|i| {
-            let (top, bottom) = (a[i] + part.x * (b[i] - a[i]), c[i] + part.x * (d[i] - c[i]));
+            let top = a[i] + part.x * (b[i] - a[i]);
+            let bottom = c[i] + part.x * (d[i] - c[i]);
             top + part.y * (bottom - top)
         })
     }
@@ -293,7 +305,9 @@ fn halved(finer: &RgbImage) -> RgbImage {
             let four = [(2 * x, 2 * y), (right, 2 * y), (2 * x, 2 * y + 1), (right, 2 * y + 1)];
             let four = four.map(|(x, y)| texel(x, y));
             [0, 1, 2].map(|c| {
-                srgb8_from_linear(four.iter().map(|t| linear[usize::from(t[c])]).sum::<f32>() * 0.25)
+                srgb8_from_linear(
+                    four.iter().map(|t| linear[usize::from(t[c])]).sum::<f32>() * 0.25,
+                )
             })
         };
         (0..size.x).map(of).collect()
@@ -350,8 +364,8 @@ mod joined_tests {
         assert_eq!((one.pages[0].size(), one.pages.len()), (UVec2::new(64, 96), 1));
         for face in 0..2 {
             for k in 0..3 {
-                let [wants, got] =
-                    [&both, &one].map(|texture| texture.texture(face).sample(texture.uvs[face][k], 0.0));
+                let [wants, got] = [&both, &one]
+                    .map(|texture| texture.texture(face).sample(texture.uvs[face][k], 0.0));
                 assert!((0..3).all(|c| (wants[c] - got[c]).abs() < 1e-3), "{wants:?} {got:?}");
             }
         }
@@ -366,7 +380,8 @@ mod picture_tests {
     use super::*;
 
     fn checkered(size: UVec2) -> Texture {
-        let at = |i: u32| if (i % size.x + i / size.x).is_multiple_of(2) { [255; 3] } else { [0; 3] };
+        let at =
+            |i: u32| if (i % size.x + i / size.x).is_multiple_of(2) { [255; 3] } else { [0; 3] };
         Texture::new(RgbImage { size, rgb: (0..size.x * size.y).map(at).collect(), alpha: None })
     }
 

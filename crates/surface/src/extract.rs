@@ -70,12 +70,16 @@ pub fn surface_of_part(
     }
     details.viewpoints = chosen.as_ref().map(|viewpoints| viewpoints.kind);
     let pictures = pictures(&scene.scene, options.shell, cameras, progress.part(0.0, DRAWING));
-    let Some(grid) = Grid::over(&pictures, part.map(|part| part.bounds), options)? else { return Ok(None) };
+    let Some(grid) = Grid::over(&pictures, part.map(|part| part.bounds), options)? else {
+        return Ok(None);
+    };
     let field = fused(&pictures, grid, options, limits)?;
     drop(pictures);
     let mut mesh = nets(&field, &grid);
-    (details.pictures, details.voxel) = (cameras.len() as u64, f64::from(grid.voxel));
-    (details.blocks, details.extracted) = (field.blocks.len() as u64, mesh.face_count() as u64);
+    details.pictures = cameras.len() as u64;
+    details.voxel = f64::from(grid.voxel);
+    details.blocks = field.blocks.len() as u64;
+    details.extracted = mesh.face_count() as u64;
     drop(field);
     let (pieces, holes) = match part {
         Some(part) => {
@@ -85,9 +89,11 @@ pub fn surface_of_part(
         }
         None => (drop_small(&mut mesh, options.min_component), Holes::Small),
     };
-    (details.components, details.small) = (pieces.kept, pieces.dropped_faces);
+    details.components = pieces.kept;
+    details.small = pieces.dropped_faces;
     details.holes = fill(&mut mesh, holes);
-    let fewer = options.max_triangles.map(|most| most as usize).filter(|most| mesh.face_count() > *most);
+    let fewer =
+        options.max_triangles.map(|most| most as usize).filter(|most| mesh.face_count() > *most);
     if let Some(most) = fewer {
         // Noise that few triangles cannot show would only crease them.
         smooth(&mut mesh, SMOOTHING);
@@ -102,7 +108,12 @@ pub fn surface_of_part(
 }
 
 /// The distance field of what the pictures show.
-fn fused(pictures: &[DepthPicture], grid: Grid, options: &SurfaceOptions, limits: &Limits) -> Result<Field> {
+fn fused(
+    pictures: &[DepthPicture],
+    grid: Grid,
+    options: &SurfaceOptions,
+    limits: &Limits,
+) -> Result<Field> {
     let fusion = Fusion {
         grid,
         truncation: options.truncation as f32 * grid.voxel,
@@ -111,7 +122,9 @@ fn fused(pictures: &[DepthPicture], grid: Grid, options: &SurfaceOptions, limits
     let numbers = blocks(pictures, &grid);
     let mut blocks: Vec<Block> = limits.zeroed("the distance field", numbers.len())?;
     let observers: Vec<Observer<'_>> = pictures.iter().map(Observer::new).collect();
-    parallel::for_each_mut(&mut blocks, 1, |i, block| *block = fusion.block(numbers[i], &observers));
+    parallel::for_each_mut(&mut blocks, 1, |i, block| {
+        *block = fusion.block(numbers[i], &observers)
+    });
     Ok(Field { numbers, blocks })
 }
 
@@ -145,7 +158,9 @@ impl CollisionOptions {
 trisplat_scene::default!(CollisionOptions);
 
 /// The collider; empty when there is none.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub struct CollisionDetails {
     /// How the surface was made.
     #[serde(flatten)]
@@ -172,8 +187,11 @@ pub fn collision(
     if found.is_some() {
         return Ok(Outcome::Skipped("there is something to collide with already"));
     }
-    let how = SurfaceOptions { max_triangles: Some(options.collision_triangles), ..SurfaceOptions::DEFAULT }
-        .for_scene(scene.scene.triangle_count());
+    let how = SurfaceOptions {
+        max_triangles: Some(options.collision_triangles),
+        ..SurfaceOptions::DEFAULT
+    }
+    .for_scene(scene.scene.triangle_count());
     *found = surface(scene, cameras, &how, &Limits::DEFAULT, &mut details.surface, progress)
         .map_err(in_our_words)?;
     Ok(match found {

@@ -24,7 +24,8 @@ pub(super) fn fill(mesh: &mut Mesh, holes: Holes) -> u64 {
         Holes::Small => rings.retain(|ring| ring.len() <= MOST_EDGES),
         Holes::AllButTheWidest => {
             let reach: Vec<f32> = rings.iter().map(|ring| reach(mesh, ring)).collect();
-            let widest = (0..rings.len()).max_by(|a, b| reach[*a].total_cmp(&reach[*b]).then(b.cmp(a)));
+            let widest =
+                (0..rings.len()).max_by(|a, b| reach[*a].total_cmp(&reach[*b]).then(b.cmp(a)));
             if let Some(outline) = widest {
                 rings.remove(outline);
             }
@@ -93,7 +94,8 @@ fn close(mesh: &mut Mesh, ring: &[u32]) {
     let mean = |of: &dyn Fn(usize) -> Vec3| {
         ring.iter().map(|vertex| of(*vertex as usize)).sum::<Vec3>() / ring.len() as f32
     };
-    let (position, color) = (mean(&|v| mesh.positions[v]), mean(&|v| Vec3::from(colors[v])));
+    let position = mean(&|v| mesh.positions[v]);
+    let color = mean(&|v| Vec3::from(colors[v]));
     mesh.positions.push(position);
     colors.push(color.to_array());
     for (i, vertex) in ring.iter().enumerate() {
@@ -125,7 +127,8 @@ pub(super) fn drop_small_areas(mesh: &mut Mesh, share: f64) -> Components {
     let pieces = pieces(mesh);
     let mut areas = vec![0.0; mesh.vertex_count()];
     pieces.iter().enumerate().for_each(|(face, piece)| areas[*piece as usize] += mesh.area(face));
-    let (all, largest) = (areas.iter().sum::<f64>(), areas.iter().copied().fold(0.0, f64::max));
+    let all = areas.iter().sum::<f64>();
+    let largest = areas.iter().copied().fold(0.0, f64::max);
     let least = f64::min(share * all, largest);
     keep_pieces(mesh, &pieces, |piece| areas[piece] > 0.0 && areas[piece] >= least)
 }
@@ -162,8 +165,9 @@ mod tests {
             }
         }
         mesh.colors = Colors::Vertex(vec![[0.5; 3]; mesh.positions.len()]);
-        for (x, y) in
-            (0..side).flat_map(|y| (0..side).map(move |x| (x, y))).filter(|cell| !without.contains(cell))
+        for (x, y) in (0..side)
+            .flat_map(|y| (0..side).map(move |x| (x, y)))
+            .filter(|cell| !without.contains(cell))
         {
             let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
             mesh.indices.extend([a, b, c, a, c, d]);
@@ -215,7 +219,8 @@ mod tests {
         assert_eq!(fill(&mut mesh, Holes::Small), 1);
         // A ring of 16: the left side has 5, the column beside it its two ends.
         let Colors::Vertex(colors) = &mesh.colors else { panic!("a colour per vertex") };
-        let (middle, wants) = (Vec3::from(*colors.last().unwrap()), Vec3::new(7.0, 0.0, 9.0) / 16.0);
+        let middle = Vec3::from(*colors.last().unwrap());
+        let wants = Vec3::new(7.0, 0.0, 9.0) / 16.0;
         assert!(middle.distance(wants) < 1e-5, "{middle}");
         assert_eq!(*mesh.positions.last().unwrap(), Vec3::new(10.0, 10.0, 1.0));
     }
@@ -256,7 +261,8 @@ mod components_tests {
     #[test]
     fn pieces_of_little_area_go_and_the_largest_stays() {
         // Right triangles at distance, with legs 1, 2 and 3: areas 0.5, 2 and 4.5.
-        let triangle = |side: f32| [Vec3::ZERO, Vec3::X * side, Vec3::Y * side].map(|p| p + Vec3::Z * side);
+        let triangle =
+            |side: f32| [Vec3::ZERO, Vec3::X * side, Vec3::Y * side].map(|p| p + Vec3::Z * side);
         let mut mesh = Mesh {
             positions: [1.0, 2.0, 3.0].into_iter().flat_map(triangle).collect(),
             colors: Colors::Vertex(vec![[0.5; 3]; 9]),

@@ -41,7 +41,8 @@ impl Fusion {
     pub(super) fn block(&self, number: u64, observers: &[Observer<'_>]) -> Block {
         let first = block(number) * SIDE;
         let side = self.grid.voxel * SIDE as f32;
-        let (center, radius) = (self.grid.sample(first) + side / 2.0, side * 0.5 * 3f32.sqrt());
+        let center = self.grid.sample(first) + side / 2.0;
+        let radius = side * 0.5 * 3f32.sqrt();
         let mut sums = [Sums::default(); SAMPLES];
         for observer in observers.iter().filter(|observer| observer.sees(center, radius)) {
             for (local, sums) in sums.iter_mut().enumerate() {
@@ -90,7 +91,8 @@ impl Fusion {
                 block.distance[local] = sums.distance / sums.weight;
             }
             if sums.color_weight > 0.0 {
-                block.rgb[local] = (sums.color / sums.color_weight).to_array().map(srgb8_from_linear);
+                block.rgb[local] =
+                    (sums.color / sums.color_weight).to_array().map(srgb8_from_linear);
             }
         }
         block
@@ -110,7 +112,8 @@ pub(super) struct Block {
 }
 
 impl Block {
-    pub(super) const UNOBSERVED: Self = Self { distance: [f32::NAN; SAMPLES], rgb: [[0; 3]; SAMPLES] };
+    pub(super) const UNOBSERVED: Self =
+        Self { distance: [f32::NAN; SAMPLES], rgb: [[0; 3]; SAMPLES] };
 }
 
 /// A sparse lattice of distances.

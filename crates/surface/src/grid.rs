@@ -70,7 +70,8 @@ impl Grid {
         let high = (at + reach).floor().as_ivec3().min(self.blocks - 1);
         let run = |a: i32, b: i32| a..=b;
         run(low.z, high.z).flat_map(move |z| {
-            run(low.y, high.y).flat_map(move |y| run(low.x, high.x).map(move |x| number(IVec3::new(x, y, z))))
+            run(low.y, high.y)
+                .flat_map(move |y| run(low.x, high.x).map(move |x| number(IVec3::new(x, y, z))))
         })
     }
 }
@@ -109,9 +110,11 @@ fn extent(pictures: &[DepthPicture]) -> Option<(Vec3, Vec3)> {
     };
     let seen: Vec<(f32, Vec3)> = pictures.iter().flat_map(of_picture).collect();
     let far = FAR * median(seen.iter().map(|(depth, _)| *depth).collect(), f32::total_cmp)?;
-    let points: Vec<Vec3> = seen.into_iter().filter(|(depth, _)| *depth <= far).map(|(_, p)| p).collect();
+    let points: Vec<Vec3> =
+        seen.into_iter().filter(|(depth, _)| *depth <= far).map(|(_, p)| p).collect();
     let last = points.len().checked_sub(1)?;
-    let (mut low, mut high) = (Vec3::ZERO, Vec3::ZERO);
+    let mut low = Vec3::ZERO;
+    let mut high = Vec3::ZERO;
     for axis in 0..3 {
         let mut along: Vec<f32> = points.iter().map(|p| p[axis]).collect();
         along.sort_unstable_by(f32::total_cmp);
@@ -174,7 +177,8 @@ mod tests {
     #[test]
     fn blocks_near_a_point_hold_the_samples_around_it() {
         let grid = Grid { origin: Vec3::splat(-1.0), voxel: 0.1, blocks: IVec3::splat(4) };
-        let near: Vec<IVec3> = grid.blocks_near(Vec3::new(-0.25, -0.6, -0.6), 2.0).map(block).collect();
+        let near: Vec<IVec3> =
+            grid.blocks_near(Vec3::new(-0.25, -0.6, -0.6), 2.0).map(block).collect();
         assert_eq!(near, [IVec3::ZERO, IVec3::X]);
         assert_eq!(grid.blocks_near(Vec3::splat(99.0), 2.0).count(), 0, "outside");
     }

@@ -33,11 +33,13 @@ pub(super) fn nets(field: &Field, grid: &Grid) -> Mesh {
         block.first = count;
         count += block.cells.len() as u32;
     }
-    let faces =
-        |range: Range<usize>| range.flat_map(|i| block_faces(field, &blocks, i)).collect::<Vec<u32>>();
+    let faces = |range: Range<usize>| {
+        range.flat_map(|i| block_faces(field, &blocks, i)).collect::<Vec<u32>>()
+    };
     let indices = parallel::ranges(blocks.len(), 1, faces).concat();
     let positions = blocks.iter().flat_map(|block| block.positions.iter().copied()).collect();
-    let colors = Colors::Vertex(blocks.iter().flat_map(|block| block.colors.iter().copied()).collect());
+    let colors =
+        Colors::Vertex(blocks.iter().flat_map(|block| block.colors.iter().copied()).collect());
     Mesh { positions, colors, indices, ..Mesh::default() }
 }
 
@@ -71,9 +73,11 @@ fn block_vertices(field: &Field, grid: &Grid, index: usize) -> BlockVertices {
         let cell = first + within(local);
         let Some(distances) = corners(field, index, cell, local) else { continue };
         for crossed in sheets(&distances) {
-            let (mut middle, mut color) = (Vec3::ZERO, Vec3::ZERO);
+            let mut middle = Vec3::ZERO;
+            let mut color = Vec3::ZERO;
             for (a, b) in (0..EDGES.len()).filter(|e| crossed >> e & 1 == 1).map(|e| EDGES[e]) {
-                let (from, to) = (distances[a], distances[b]);
+                let from = distances[a];
+                let to = distances[b];
                 let share = (from / (from - to)).clamp(INSET, 1.0 - INSET);
                 middle += corner(a).as_vec3().lerp(corner(b).as_vec3(), share);
                 color += field.color(cell + corner(a)).lerp(field.color(cell + corner(b)), share);
@@ -97,13 +101,15 @@ fn block_faces(field: &Field, blocks: &[BlockVertices], index: usize) -> Vec<u32
         let block = &blocks[block];
         let edge = edge((sample - cell).dot(IVec3::new(1, 2, 4)) as usize, axis);
         let from = block.cells.partition_point(|other| usize::from(*other) < local);
-        let of_cell = (from..block.cells.len()).take_while(|i| usize::from(block.cells[*i]) == local);
+        let of_cell =
+            (from..block.cells.len()).take_while(|i| usize::from(block.cells[*i]) == local);
         let at = of_cell.into_iter().find(|i| block.edges[*i] >> edge & 1 == 1)?;
         Some((block.first + at as u32, block.positions[at]))
     };
     let mut indices = Vec::new();
     for local in 0..SAMPLES {
-        let (sample, from) = (first + within(local), field.blocks[index].distance[local]);
+        let sample = first + within(local);
+        let from = field.blocks[index].distance[local];
         if from.is_nan() {
             continue;
         }
@@ -112,7 +118,8 @@ fn block_faces(field: &Field, blocks: &[BlockVertices], index: usize) -> Vec<u32
             if to.is_nan() || (from < 0.0) == (to < 0.0) {
                 continue;
             }
-            let (b, c) = (AXES[(axis + 1) % 3], AXES[(axis + 2) % 3]);
+            let b = AXES[(axis + 1) % 3];
+            let c = AXES[(axis + 2) % 3];
             // The four cells around the edge, counter-clockwise as seen from its end.
             let around = [sample - b - c, sample - c, sample, sample - b];
             let around = around.map(|cell| vertex(cell, sample, axis));
@@ -136,8 +143,20 @@ fn cut(ring: [(u32, Vec3); 4]) -> [u32; 6] {
 /// The corners of a cell, bit i of the number along axis i.
 pub(super) const CORNERS: usize = 8;
 /// The edges of a cell, by their corners: four along each axis.
-pub(super) const EDGES: [(usize, usize); 12] =
-    [(0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7)];
+pub(super) const EDGES: [(usize, usize); 12] = [
+    (0, 1),
+    (2, 3),
+    (4, 5),
+    (6, 7),
+    (0, 2),
+    (1, 3),
+    (4, 6),
+    (5, 7),
+    (0, 4),
+    (1, 5),
+    (2, 6),
+    (3, 7),
+];
 
 /// Edges of a cell, a bit for each.
 pub(super) type EdgeSet = u16;
@@ -167,7 +186,9 @@ pub(super) fn sheets(distances: &[f32; CORNERS]) -> impl Iterator<Item = EdgeSet
                 // Corners of two signs, crosswise: those of the lesser weight are apart. Both cells of a face add in this order.
                 let [a, b, c, d] = ring.map(|corner| distances[corner]);
                 let apart = (a + c) + (b + d) >= 0.0;
-                (0..4).filter(|k| inside[ring[*k]] == apart).for_each(|k| join(edges[(k + 3) % 4], edges[k]));
+                (0..4)
+                    .filter(|k| inside[ring[*k]] == apart)
+                    .for_each(|k| join(edges[(k + 3) % 4], edges[k]));
             }
             _ => {
                 let mut two = edges.into_iter().filter(|e| crossed(*e));
@@ -177,12 +198,15 @@ pub(super) fn sheets(distances: &[f32; CORNERS]) -> impl Iterator<Item = EdgeSet
             }
         }
     }
-    (0..12).filter(move |e| sheet[*e] != 0 && sheet[*e].trailing_zeros() == *e as u32).map(move |e| sheet[e])
+    (0..12)
+        .filter(move |e| sheet[*e] != 0 && sheet[*e].trailing_zeros() == *e as u32)
+        .map(move |e| sheet[e])
 }
 
 /// The corners around a face: two for each axis, the lower one first. Opposite faces have them in the same order.
 fn ring(face: usize) -> [usize; 4] {
-    let (axis, high) = (face / 2, face % 2);
+    let axis = face / 2;
+    let high = face % 2;
     let [b, c] = [1 << ((axis + 1) % 3), 1 << ((axis + 2) % 3)];
     [0, b, b | c, c].map(|corner| corner | high << axis)
 }
@@ -224,11 +248,16 @@ mod tests {
         for signs in 0..256usize {
             let distances: [f32; CORNERS] =
                 std::array::from_fn(|i| if signs >> i & 1 == 1 { -1.0 } else { 1.0 });
-            let crossed = |e: &usize| (distances[EDGES[*e].0] < 0.0) != (distances[EDGES[*e].1] < 0.0);
+            let crossed =
+                |e: &usize| (distances[EDGES[*e].0] < 0.0) != (distances[EDGES[*e].1] < 0.0);
             let all = (0..12).filter(crossed).fold(0, |set: EdgeSet, e| set | 1 << e);
             let found: Vec<EdgeSet> = sheets(&distances).collect();
             assert_eq!(found.iter().fold(0, |a, b| a | b), all, "{signs:08b}");
-            assert_eq!(found.iter().map(|s| s.count_ones()).sum::<u32>(), all.count_ones(), "{signs:08b}");
+            assert_eq!(
+                found.iter().map(|s| s.count_ones()).sum::<u32>(),
+                all.count_ones(),
+                "{signs:08b}"
+            );
             assert!(found.iter().all(|sheet| sheet.count_ones() >= 3), "{signs:08b}");
         }
     }

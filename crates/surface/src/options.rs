@@ -69,8 +69,9 @@ impl SurfaceOptions {
     /// edges tear it.
     pub(super) fn cells(&self) -> u32 {
         let shown = |most: u32| (CELLS_PER_SIDE * f64::from(most).sqrt()) as u32;
-        self.resolution
-            .unwrap_or_else(|| self.max_triangles.map_or(MOST_CELLS, shown).clamp(LEAST_CELLS, MOST_CELLS))
+        self.resolution.unwrap_or_else(|| {
+            self.max_triangles.map_or(MOST_CELLS, shown).clamp(LEAST_CELLS, MOST_CELLS)
+        })
     }
 
     /// The same with no more cells than a scene of `triangles` can fill with detail.

@@ -104,7 +104,8 @@ impl DepthPicture {
     /// ```
     fn on_plane(&self, around: [f32; 4], at: Vec2, share: Vec2, pixel: usize) -> Observation {
         let [a, b, c, d] = around.map(f32::recip);
-        let (top, bottom) = (a + (b - a) * share.x, c + (d - c) * share.x);
+        let top = a + (b - a) * share.x;
+        let bottom = c + (d - c) * share.x;
         let inverse = top + (bottom - top) * share.y;
         let across = ((b - a) * (1.0 - share.y) + (d - c) * share.y) * self.camera.focal.x;
         let down = (bottom - top) * self.camera.focal.y;
@@ -175,9 +176,11 @@ pub(super) fn pictures(
 ) -> Vec<DepthPicture> {
     let pixels: f64 = cameras.iter().map(|c| f64::from(c.size.x) * f64::from(c.size.y)).sum();
     let ratio = (MOST_PIXELS / pixels).sqrt().min(1.0);
-    let smaller =
-        |camera: &Camera| camera.resized((camera.size.as_dvec2() * ratio).as_uvec2().max(UVec2::ONE));
-    let cameras: Vec<Camera> = cameras.iter().map(|c| if ratio < 1.0 { smaller(c) } else { *c }).collect();
+    let smaller = |camera: &Camera| {
+        camera.resized((camera.size.as_dvec2() * ratio).as_uvec2().max(UVec2::ONE))
+    };
+    let cameras: Vec<Camera> =
+        cameras.iter().map(|c| if ratio < 1.0 { smaller(c) } else { *c }).collect();
     let mut pictures = match scene {
         Scene::Soup(soup) => of_soup(soup, shell, &cameras, progress),
         Scene::Mesh(mesh) => {
@@ -206,10 +209,14 @@ fn close_cracks(depth: &[f32], size: UVec2) -> Vec<f32> {
         .collect();
     let within = |x: i32, y: i32| (0..width).contains(&x) && (0..height).contains(&y);
     parallel::collect(depth.len(), GRAIN, |pixel| {
-        let (x, y, here) = (pixel as i32 % width, pixel as i32 / width, depth[pixel]);
+        let x = pixel as i32 % width;
+        let y = pixel as i32 / width;
+        let here = depth[pixel];
         let inside = within(x - CRACK_PX, y - CRACK_PX) && within(x + CRACK_PX, y + CRACK_PX);
         let before = here / (1.0 + CRACK_BEHIND);
-        let (mut pairs, mut found, mut through) = (0, 0, [0.0; PAIRS]);
+        let mut pairs = 0;
+        let mut found = 0;
+        let mut through = [0.0; PAIRS];
         for &(dx, dy, step) in &offsets {
             let is_pair = inside || (within(x - dx, y - dy) && within(x + dx, y + dy));
             if !is_pair {
@@ -275,10 +282,12 @@ fn of_mesh(mesh: &Mesh, cameras: &[Camera], mut progress: StageProgress<'_>) -> 
             if *face == NO_FACE {
                 return [0; 3];
             }
-            let (x, y) = (pixel as u32 % camera.size.x, pixel as u32 / camera.size.x);
+            let x = pixel as u32 % camera.size.x;
+            let y = pixel as u32 / camera.size.x;
             let weights = weights.weights(&weights.face(*face), x, y);
             let corners = mesh.corner_colors(*face as usize).map(Vec3::from);
-            let linear = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+            let linear =
+                corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
             linear.to_array().map(srgb8_from_linear)
         };
         let rgb = seen.face.iter().enumerate().map(color).collect();
@@ -313,9 +322,12 @@ mod tests {
     fn distances_from_a_plane_are_exact() {
         let normal = Vec3::new(0.5, -0.3, 0.8).normalize();
         let picture = before(normal, 2.0);
-        for point in [Vec3::new(0.1, 0.2, 2.0), Vec3::new(-0.2, 0.1, 2.5), Vec3::new(0.2, -0.2, 1.2)] {
+        for point in
+            [Vec3::new(0.1, 0.2, 2.0), Vec3::new(-0.2, 0.1, 2.5), Vec3::new(0.2, -0.2, 1.2)]
+        {
             let seen = picture.observe(point, 1.0).unwrap();
-            let (got, wants) = ((seen.depth - point.z) * seen.slant, 2.0 - normal.dot(point));
+            let got = (seen.depth - point.z) * seen.slant;
+            let wants = 2.0 - normal.dot(point);
             assert!((got - wants).abs() < 1e-4, "{got} is not {wants}");
         }
     }

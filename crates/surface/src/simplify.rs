@@ -45,7 +45,8 @@ pub(super) fn simplify(mesh: &mut Mesh, most: usize) -> Result<Option<Simplified
     let whole = size(mesh);
     let mut error = 0.0;
     while mesh.face_count() > most.saturating_mul(MOST_PER_KEPT) {
-        (error, side) = (error + cluster(mesh, side), side * NEXT_CELL);
+        error = error + cluster(mesh, side);
+        side = side * NEXT_CELL;
     }
     let mut fewest = mesh.face_count();
     while mesh.face_count() > most {
@@ -53,17 +54,21 @@ pub(super) fn simplify(mesh: &mut Mesh, most: usize) -> Result<Option<Simplified
         let moved = collapse(&mut collapsed, most);
         // Collapses may end with nothing or with a corner of it, too; then the vertices are joined that there were.
         if size(&collapsed).cmpge(LEAST_SIZE * whole).all() && collapsed.face_count() > 0 {
-            (*mesh, error) = (collapsed, error + moved);
+            *mesh = collapsed;
+            error = error + moved;
         }
         if mesh.face_count() > most {
             fewest = mesh.face_count();
-            (error, side) = (error + cluster(mesh, side), side * NEXT_CELL);
+            error = error + cluster(mesh, side);
+            side = side * NEXT_CELL;
         }
     }
     match check(mesh, most) {
         true => Ok(Some(Simplified { error, pieces })),
         false => {
-            let wants = format!("more: of this surface {fewest} triangles are left, and with fewer nothing");
+            let wants = format!(
+                "more: of this surface {fewest} triangles are left, and with fewer nothing"
+            );
             Err(Error::invalid("max_triangles", most, wants))
         }
     }
@@ -72,7 +77,8 @@ pub(super) fn simplify(mesh: &mut Mesh, most: usize) -> Result<Option<Simplified
 /// Collapses edges until `most` faces are left, or the topology permits no more. Returns how far the surface moved.
 fn collapse(mesh: &mut Mesh, most: usize) -> f64 {
     let Colors::Vertex(colors) = &mesh.colors else { return 0.0 };
-    let codes: Vec<f32> = colors.iter().flatten().map(|channel| srgb_from_linear(*channel)).collect();
+    let codes: Vec<f32> =
+        colors.iter().flatten().map(|channel| srgb_from_linear(*channel)).collect();
     let bytes: &[u8] = bytemuck::cast_slice(&mesh.positions);
     let Ok(vertices) = VertexDataAdapter::new(bytes, size_of::<Vec3>(), 0) else { return 0.0 };
     let scale = meshopt::simplify_scale(&vertices);
@@ -129,10 +135,15 @@ pub(super) fn cluster(mesh: &mut Mesh, side: f32) -> f64 {
     let cells = cells(&mesh.positions, side);
     let (kept, moved) = chosen(mesh, &cells);
     let mut seen = HashSet::new();
-    let indices =
-        mesh.indices.as_chunks::<3>().0.iter().map(|face| face.map(|v| kept[cells[v as usize] as usize]));
+    let indices = mesh
+        .indices
+        .as_chunks::<3>()
+        .0
+        .iter()
+        .map(|face| face.map(|v| kept[cells[v as usize] as usize]));
     let flat = |[a, b, c]: &[u32; 3]| a == b || b == c || c == a;
-    let faces: Vec<[u32; 3]> = indices.filter(|face| !flat(face) && seen.insert(turned(*face))).collect();
+    let faces: Vec<[u32; 3]> =
+        indices.filter(|face| !flat(face) && seen.insert(turned(*face))).collect();
     mesh.indices = faces.into_flattened();
     drop_unused(mesh);
     moved
@@ -187,7 +198,8 @@ struct Quadric {
 
 impl Quadric {
     fn add(&mut self, normal: DVec3, offset: f64, area: f64) {
-        self.squares += DMat3::from_cols(normal * normal.x, normal * normal.y, normal * normal.z) * area;
+        self.squares +=
+            DMat3::from_cols(normal * normal.x, normal * normal.y, normal * normal.z) * area;
         self.linear += normal * (offset * area);
         self.constant += offset * offset * area;
         self.area += area;
@@ -208,7 +220,8 @@ fn chosen(mesh: &Mesh, cells: &[u32]) -> (Vec<u32>, f64) {
     for face in 0..mesh.face_count() {
         let [a, b, c] = mesh.corners(face).map(|p| p.as_dvec3());
         let cross = (b - a).cross(c - a);
-        let (normal, area) = (cross.normalize_or_zero(), cross.length() / 2.0);
+        let normal = cross.normalize_or_zero();
+        let area = cross.length() / 2.0;
         for vertex in mesh.face(face) {
             let cell = cells[vertex as usize] as usize;
             quadrics[cell].add(normal, normal.dot(origins[cell] - a), area);
@@ -222,7 +235,9 @@ fn chosen(mesh: &Mesh, cells: &[u32]) -> (Vec<u32>, f64) {
             best[cell] = (error, vertex as u32);
         }
     }
-    let moved = |((error, _), quadric): (&(f64, u32), &Quadric)| error / quadric.area.max(f64::MIN_POSITIVE);
+    let moved = |((error, _), quadric): (&(f64, u32), &Quadric)| {
+        error / quadric.area.max(f64::MIN_POSITIVE)
+    };
     let most = best.iter().zip(&quadrics).map(moved).filter(|m| m.is_finite()).fold(0.0, f64::max);
     (best.into_iter().map(|(_, vertex)| vertex).collect(), most.sqrt())
 }
@@ -244,7 +259,8 @@ pub(super) fn smooth(mesh: &mut Mesh, rounds: u32) {
         let at = &mesh.positions;
         let moved = parallel::collect(at.len(), 1 << 10, |v| {
             let others = neighbours.around(v);
-            let middle = others.iter().map(|o| at[*o as usize]).sum::<Vec3>() / others.len().max(1) as f32;
+            let middle =
+                others.iter().map(|o| at[*o as usize]).sum::<Vec3>() / others.len().max(1) as f32;
             if others.is_empty() { at[v] } else { at[v].lerp(middle, share) }
         });
         mesh.positions = moved;
@@ -272,9 +288,11 @@ impl Neighbours {
             sides.chunk_by(|a, b| a == b).map(|run| (run[0], run.len())).collect();
         let mut on_border = vec![false; mesh.vertex_count()];
         runs.iter().filter(|run| run.1 == 1).for_each(|run| on_border[run.0.0 as usize] = true);
-        let counts = |((from, _), faces): &&((u32, u32), usize)| *faces == 1 || !on_border[*from as usize];
+        let counts =
+            |((from, _), faces): &&((u32, u32), usize)| *faces == 1 || !on_border[*from as usize];
         let pairs: Vec<(u32, u32)> = runs.iter().filter(counts).map(|run| run.0).collect();
-        let first = (0..=mesh.vertex_count() as u32).map(|v| pairs.partition_point(|pair| pair.0 < v) as u32);
+        let first = (0..=mesh.vertex_count() as u32)
+            .map(|v| pairs.partition_point(|pair| pair.0 < v) as u32);
         Self { first: first.collect(), all: pairs.iter().map(|pair| pair.1).collect() }
     }
 
@@ -291,8 +309,8 @@ mod tests {
 
     /// Every other cube of a block of n³: all their edges are shared by four faces, so that no edge may collapse.
     fn checkerboard(n: i32) -> Mesh {
-        let (mut mesh, mut numbers) =
-            (Mesh { colors: Colors::Vertex(Vec::new()), ..Mesh::default() }, HashMap::new());
+        let mut mesh = Mesh { colors: Colors::Vertex(Vec::new()), ..Mesh::default() };
+        let mut numbers = HashMap::new();
         let mut vertex = |mesh: &mut Mesh, at: IVec3| {
             *numbers.entry(at).or_insert_with(|| {
                 mesh.positions.push(at.as_vec3() / n as f32);
@@ -307,8 +325,8 @@ mod tests {
             for axis in 0..3 {
                 let [a, b, c] = [0, 1, 2].map(|k| IVec3::AXES[(axis + k) % 3]);
                 for (side, [b, c]) in [(IVec3::ZERO, [c, b]), (a, [b, c])] {
-                    let [p, q, r, s] =
-                        [IVec3::ZERO, b, b + c, c].map(|corner| vertex(&mut mesh, cube + side + corner));
+                    let [p, q, r, s] = [IVec3::ZERO, b, b + c, c]
+                        .map(|corner| vertex(&mut mesh, cube + side + corner));
                     mesh.indices.extend([p, q, r, p, r, s]);
                 }
             }
@@ -340,8 +358,13 @@ mod tests {
         assert_eq!(mesh.face_count(), 864 * 12);
         let bytes: &[u8] = bytemuck::cast_slice(&mesh.positions);
         let vertices = VertexDataAdapter::new(bytes, size_of::<Vec3>(), 0).unwrap();
-        let with = |how| meshopt::simplify(&mesh.indices, &vertices, 3 * 50, f32::MAX, how, None).len();
-        assert_eq!([SimplifyOptions::Prune, SimplifyOptions::None].map(with), [0, 0], "the hard case");
+        let with =
+            |how| meshopt::simplify(&mesh.indices, &vertices, 3 * 50, f32::MAX, how, None).len();
+        assert_eq!(
+            [SimplifyOptions::Prune, SimplifyOptions::None].map(with),
+            [0, 0],
+            "the hard case"
+        );
         for most in [2000, 400, 100, 50] {
             let simple = simplified(&mesh, most).unwrap();
             assert!(size(&simple).cmpge(0.5 * size(&mesh)).all(), "{most}: {}", size(&simple));
@@ -358,8 +381,9 @@ mod tests {
             }
         }
         assert!(enough > 20, "{enough}");
-        let error =
-            simplified(&ball(Vec3::ZERO, 1.0, 4), 1).expect_err("one triangle is no ball").to_string();
+        let error = simplified(&ball(Vec3::ZERO, 1.0, 4), 1)
+            .expect_err("one triangle is no ball")
+            .to_string();
         assert!(error.contains("max_triangles is 1") && error.contains("more"), "{error}");
     }
 
@@ -371,7 +395,10 @@ mod tests {
         }
         let simple = simplified(&mesh, 200).unwrap();
         assert!((100..=200).contains(&simple.face_count()));
-        assert!(simple.positions.iter().all(|p| (0.95..1.05).contains(&p.length())), "the large one is left");
+        assert!(
+            simple.positions.iter().all(|p| (0.95..1.05).contains(&p.length())),
+            "the large one is left"
+        );
     }
 }
 

@@ -8,7 +8,9 @@ use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use trisplat_dataset::{Dataset, DatasetKind, Photo, PictureFile, View};
-use trisplat_raster::soft::{Frame, FrameGrad, Importance, SoftOptions, SoftRasterizer, SoupGrad, SoupRef};
+use trisplat_raster::soft::{
+    Frame, FrameGrad, Importance, SoftOptions, SoftRasterizer, SoupGrad, SoupRef,
+};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::lists::{evenly_spaced, median};
@@ -52,7 +54,8 @@ impl Teacher {
             let keep: Vec<bool> = soup.vertices.iter().map(is_drawn).collect();
             soup.retain(|i| keep[i]);
         }
-        let centers: Vec<Vec3> = soup.vertices.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0).collect();
+        let centers: Vec<Vec3> =
+            soup.vertices.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0).collect();
         let space = SceneNormalization::new(cameras, &centers);
         space.soup_to_training(&mut soup);
         let options = options.with_cap_for(&soup.opacity);
@@ -100,8 +103,10 @@ impl Teacher {
     /// For each triangle, the mean of `values` of the pixels of all pictures, by its blending weight there; 1 for
     /// a triangle that no camera sees. `[N]`
     pub(super) fn shares(&mut self, cameras: &[Camera], values: &[Vec<f32>]) -> Vec<f32> {
-        let (soup, options) = (SoupRef::from(&self.soup), SoftOptions { importance: true, ..self.options });
-        let (mut weights, mut sums) = (Importance::new(soup.count()), vec![0.0; soup.count()]);
+        let soup = SoupRef::from(&self.soup);
+        let options = SoftOptions { importance: true, ..self.options };
+        let mut weights = Importance::new(soup.count());
+        let mut sums = vec![0.0; soup.count()];
         let mut of_picture = SoupGrad::default();
         for (camera, values) in cameras.iter().zip(values) {
             let camera = self.space.camera_to_training(camera);
@@ -159,7 +164,10 @@ impl Background {
         if let Some(rgb) = rgb {
             let found = objects(&part, &cameras, rgb);
             // No camera sees all of the shell, which stands for the background wherever it is.
-            drawn.iter().zip(found).for_each(|(i, object)| is_object[*i] = object && !soup.is_shell(*i));
+            drawn
+                .iter()
+                .zip(found)
+                .for_each(|(i, object)| is_object[*i] = object && !soup.is_shell(*i));
         }
         Some(Self { rgb, is_object })
     }
@@ -173,7 +181,8 @@ fn border(soup: &Soup, cameras: &[Camera]) -> Vec<([f32; 3], f32)> {
         let frame = teacher.frame(camera);
         let last = frame.size - 1;
         let is_border = |i: &usize| {
-            let (x, y) = (*i as u32 % frame.size.x, *i as u32 / frame.size.x);
+            let x = *i as u32 % frame.size.x;
+            let y = *i as u32 / frame.size.x;
             x == 0 || y == 0 || x == last.x || y == last.y
         };
         let border = (0..frame.rgb.len()).filter(is_border);
@@ -199,7 +208,8 @@ fn background(pixels: &[([f32; 3], f32)]) -> Option<Option<[f32; 3]>> {
         let all = pixels.iter().filter(|pixel| shows(pixel, &behind)).count();
         (covered().filter(|pixel| shows(pixel, &behind)).count(), all, behind)
     });
-    let (showing, all, behind) = candidates.into_iter().max_by_key(|(showing, all, _)| (*showing, *all))?;
+    let (showing, all, behind) =
+        candidates.into_iter().max_by_key(|(showing, all, _)| (*showing, *all))?;
     let is_uniform = !pixels.is_empty() && all as f64 >= LEAST_UNIFORM * pixels.len() as f64;
     is_uniform.then_some((showing > 0).then_some(behind))
 }
@@ -209,7 +219,8 @@ fn objects(soup: &Soup, cameras: &[Camera], rgb: [f32; 3]) -> Vec<bool> {
     let options = SoftOptions { background: rgb, ..SoftOptions::default() };
     let mut whole = Teacher::new(soup.clone(), cameras, &options);
     let pictures: Vec<Vec<[f32; 3]>> = cameras.iter().map(|c| whole.frame(c).rgb.clone()).collect();
-    let shows = |picture: &Vec<[f32; 3]>| picture.iter().map(|p| f32::from(differ(p, &rgb))).collect();
+    let shows =
+        |picture: &Vec<[f32; 3]>| picture.iter().map(|p| f32::from(differ(p, &rgb))).collect();
     let mut shows: Vec<Vec<f32>> = pictures.iter().map(shows).collect();
     let first = whole.shares(cameras, &shows);
     // A part of the object in the colour of the background hides what is behind it: without it, pictures change.
@@ -298,7 +309,8 @@ pub fn beside(
     drawn: &mut dyn FnMut(usize, usize),
 ) -> Result<Dataset> {
     let cameras: Vec<Camera> = photos.train().map(|view| view.camera).collect();
-    let to_file = |camera: &Camera| placed::to_file(camera, &scene.provenance.placement, photos.origin);
+    let to_file =
+        |camera: &Camera| placed::to_file(camera, &scene.provenance.placement, photos.origin);
     let near: Vec<Camera> = cameras.iter().map(to_file).collect();
     let mut teacher = Teacher::new(scene.scene.to_soup(), &near, options);
     drawn_beside(photos, share, max_bytes, |camera| teacher.picture(&to_file(camera)), drawn)

@@ -47,7 +47,9 @@ impl<'a> GaussianTeacher<'a> {
     pub fn new(splats: &'a Splats, cameras: &[Camera]) -> Self {
         let n = splats.len();
         let options = GaussianOptions::suited_to(splats, [0.0; 3]);
-        let (weights, sums, seen) = (vec![0.0; n], vec![0.0; n], vec![0; n]);
+        let weights = vec![0.0; n];
+        let sums = vec![0.0; n];
+        let seen = vec![0; n];
         let is_surrounded = shows_surroundings(splats, &options, cameras);
         Self { splats, options, weights, sums, seen, pictures: 0, pixels: [0.0; 2], is_surrounded }
     }
@@ -56,14 +58,18 @@ impl<'a> GaussianTeacher<'a> {
     /// so that it can be put over any background.
     pub fn picture(&mut self, camera: &Camera) -> RgbImage {
         self.weights.fill(0.0);
-        let frame = gaussian::draw_and_weigh(self.splats, camera, &self.options, Some(&mut self.weights));
+        let frame =
+            gaussian::draw_and_weigh(self.splats, camera, &self.options, Some(&mut self.weights));
         self.pictures += 1;
         for ((sum, seen), weight) in self.sums.iter_mut().zip(&mut self.seen).zip(&self.weights) {
             *sum += weight;
             *seen += u32::from(*weight >= LEAST_SEEN_PX);
         }
         if self.is_surrounded {
-            self.count(frame.transmittance.iter().map(|open| f64::from(*open)).sum(), frame.rgb.len());
+            self.count(
+                frame.transmittance.iter().map(|open| f64::from(*open)).sum(),
+                frame.rgb.len(),
+            );
             return filled(&frame);
         }
         let mut picture = frame.to_cut_pixels();
@@ -151,8 +157,10 @@ mod tests {
     #[test]
     fn a_gap_has_the_colour_of_what_is_around_it() {
         let size = UVec2::new(13, 7);
-        let open: Vec<f32> = (0..91).map(|i| if (30..34).contains(&i) { 1.0 } else { 0.25 }).collect();
-        let rgb: Vec<[f32; 3]> = open.iter().map(|open| [0.8, 0.4, 0.2].map(|c| c * (1.0 - open))).collect();
+        let open: Vec<f32> =
+            (0..91).map(|i| if (30..34).contains(&i) { 1.0 } else { 0.25 }).collect();
+        let rgb: Vec<[f32; 3]> =
+            open.iter().map(|open| [0.8, 0.4, 0.2].map(|c| c * (1.0 - open))).collect();
         let frame = Frame { size, rgb, transmittance: open, ..Frame::default() };
         let picture = filled(&frame);
         assert!(picture.alpha.is_none() && picture.rgb.iter().all(|rgb| *rgb == [204, 102, 51]));

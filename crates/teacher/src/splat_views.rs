@@ -37,7 +37,8 @@ pub(super) fn around(splats: &Splats, up: Vec3, count: usize, longer_px: u32) ->
     let place = |i: usize| {
         let away = AWAY[i % AWAY.len()];
         let fov = 2.0 * (1.0 / away).asin().to_degrees();
-        let wide = camera(middle + direction(i, count) * (away * radius), middle, up, fov, WIDE_SIDE);
+        let wide =
+            camera(middle + direction(i, count) * (away * radius), middle, up, fov, WIDE_SIDE);
         let frame = gaussian::draw(splats, &wide, &options);
         filled(&wide, &frame.transmittance, longer_px)
     };
@@ -69,16 +70,19 @@ fn extent(splats: &Splats) -> Option<(Vec3, f32)> {
 fn filled(wide: &Camera, transmittance: &[f32], longer_px: u32) -> Option<Camera> {
     let side = wide.size.x as usize;
     let cover = |i: usize| 1.0 - transmittance[i];
-    let columns: Vec<f32> = (0..side).map(|x| (0..side).map(|y| cover(y * side + x)).sum()).collect();
+    let columns: Vec<f32> =
+        (0..side).map(|x| (0..side).map(|y| cover(y * side + x)).sum()).collect();
     let rows: Vec<f32> = (0..side).map(|y| (0..side).map(|x| cover(y * side + x)).sum()).collect();
     let seen: f32 = rows.iter().sum();
     if !(seen >= LEAST_SHOWN * transmittance.len() as f32) {
         return None;
     }
     let least = CUT_OFF * seen;
-    let ([left, right], [top, bottom]) = (range(&columns, least), range(&rows, least));
+    let [left, right] = range(&columns, least);
+    let [top, bottom] = range(&rows, least);
     let margin = 1.0 + MARGIN * (right - left).max(bottom - top);
-    let (low, high) = (Vec2::new(left, top) - margin, Vec2::new(right, bottom) + margin);
+    let low = Vec2::new(left, top) - margin;
+    let high = Vec2::new(right, bottom) + margin;
     let scale = longer_px as f32 / (high - low).max_element();
     let size = ((high - low) * scale).round().as_uvec2().max(UVec2::ONE);
     Some(Camera { focal: wide.focal * scale, center: (wide.center - low) * scale, size, ..*wide })
@@ -216,12 +220,15 @@ impl Judge {
             self.splats.sh[i] = [depth, depth * depth, size].map(sh0_from_rgb);
         }
         let frame = gaussian::draw(&self.splats, camera, &self.options);
-        let (mut covered, mut spread, mut size) = (0.0, 0.0, 0.0);
+        let mut covered = 0.0;
+        let mut spread = 0.0;
+        let mut size = 0.0;
         for (through, [depth, squared, own_size]) in frame.transmittance.iter().zip(&frame.rgb) {
             let cover = 1.0 - through;
             covered += cover;
             if cover > LEAST_COVER {
-                let (mean, mean_squared) = (depth / cover, squared / cover);
+                let mean = depth / cover;
+                let mean_squared = squared / cover;
                 spread += cover * (mean_squared - mean * mean).max(0.0).sqrt();
                 size += own_size - cover * OFFSET;
             }
@@ -229,7 +236,8 @@ impl Judge {
         if !(covered > 0.0) {
             return (0.0, f32::MAX);
         }
-        let (size, spread) = (size / covered, (spread / covered).max(LEAST_SPREAD));
+        let size = size / covered;
+        let spread = (spread / covered).max(LEAST_SPREAD);
         (size.exp(), size + spread.ln() + OPEN * (1.0 - covered / frame.rgb.len() as f32))
     }
 }
@@ -257,7 +265,8 @@ pub(super) fn surround(splats: &Splats, cameras: &[Camera], middle: Vec3, reach:
     let corner = |camera: &Camera| {
         let frame = gaussian::draw(splats, &camera.resized(UVec2::splat(SIDE)), &options);
         let outside = |i: usize| {
-            let at = UVec2::new(i as u32 % SIDE, i as u32 / SIDE).as_vec2() - (SIDE as f32 - 1.0) / 2.0;
+            let at =
+                UVec2::new(i as u32 % SIDE, i as u32 / SIDE).as_vec2() - (SIDE as f32 - 1.0) / 2.0;
             at.length() > SIDE as f32 / 2.0
         };
         let open: Vec<f32> =
@@ -276,8 +285,11 @@ mod tests {
     /// A long rod of Gaussians, most of them at one end, and one that floats far away.
     fn rod() -> Splats {
         let n = 2001;
-        let along = |i: usize| if i.is_multiple_of(2) { i as f32 / 2000.0 * 4.0 } else { i as f32 / 2000.0 };
-        let place = |i: usize| if i == 1000 { Vec3::splat(50.0) } else { Vec3::new(5.0, along(i), -3.0) };
+        let along = |i: usize| {
+            if i.is_multiple_of(2) { i as f32 / 2000.0 * 4.0 } else { i as f32 / 2000.0 }
+        };
+        let place =
+            |i: usize| if i == 1000 { Vec3::splat(50.0) } else { Vec3::new(5.0, along(i), -3.0) };
         Splats {
             positions: (0..n).map(place).collect(),
             scales: vec![Vec3::splat(0.02); n],
@@ -322,7 +334,8 @@ mod photographed_tests {
         let n = 4000;
         let place = |i: u64| {
             let mut p =
-                Vec3::new(rng.uniform(4 * i), rng.uniform(4 * i + 1), rng.uniform(4 * i + 2)) * 2.0 - 1.0;
+                Vec3::new(rng.uniform(4 * i), rng.uniform(4 * i + 1), rng.uniform(4 * i + 2)) * 2.0
+                    - 1.0;
             let axis = (rng.bits(4 * i + 3) % 3) as usize;
             p[axis] = p[axis].signum();
             // One Gaussian in fifty is large and far away.
@@ -348,7 +361,11 @@ mod photographed_tests {
         for camera in &cameras {
             let frame = gaussian::draw(&splats, &camera.resized(UVec2::splat(SIDE)), &options);
             let open = frame.transmittance.iter().sum::<f32>() / frame.rgb.len() as f32;
-            assert!(open < 0.15 && camera.position().length() < 8.0, "{open} {}", camera.position());
+            assert!(
+                open < 0.15 && camera.position().length() < 8.0,
+                "{open} {}",
+                camera.position()
+            );
         }
         assert_eq!(cameras, places(&splats, 1.2, Vec3::Y));
     }

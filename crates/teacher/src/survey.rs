@@ -78,7 +78,8 @@ impl Survey {
             ..SoftOptions::default()
         };
         let frame = self.soft.render(&SoupRef::from(&self.soup), &camera, &options);
-        let (mut covered, mut crowded) = (0.0, 0.0);
+        let mut covered = 0.0;
+        let mut crowded = 0.0;
         for (transmittance, depth) in frame.transmittance.iter().zip(&frame.depth) {
             let cover = 1.0 - transmittance;
             covered += cover;
@@ -117,7 +118,8 @@ pub(super) struct Along {
 
 impl Along {
     pub(super) fn of(soup: &Soup) -> Self {
-        let middles: Vec<Vec3> = soup.vertices.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0).collect();
+        let middles: Vec<Vec3> =
+            soup.vertices.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0).collect();
         let points: Vec<DVec3> = middles.iter().map(|m| m.as_dvec3()).collect();
         Self { order: along_curve(&points), middles }
     }
@@ -136,7 +138,8 @@ impl Along {
         }
         let areas: Vec<f64> = soup.vertices.iter().map(|[a, b, c]| area(*a, *b, *c)).collect();
         let least = least_kept(&areas, most);
-        let (mut sum, mut picked) = (0.5, Vec::new());
+        let mut sum = 0.5;
+        let mut picked = Vec::new();
         for &i in &self.order {
             let before = f64::floor(sum);
             sum += (areas[i as usize] / least).min(1.0);
@@ -211,7 +214,9 @@ mod tests {
         let large = |i: &&usize| i.is_multiple_of(10);
         let kept: Vec<usize> = thinned.opacity.iter().map(|o| *o as usize).collect();
         assert_eq!(kept.iter().filter(large).count(), 500);
-        for (corners, &i) in thinned.vertices.iter().zip(&kept).filter(|(_, i)| i.is_multiple_of(10)) {
+        for (corners, &i) in
+            thinned.vertices.iter().zip(&kept).filter(|(_, i)| i.is_multiple_of(10))
+        {
             assert_eq!(*corners, all.vertices[i]);
         }
     }
@@ -221,7 +226,8 @@ mod tests {
         let all = soup(5000);
         let shuffled: Vec<usize> = (0..5000).map(|i| i * 1777 % 5000).collect();
         let other = all.picked(&shuffled);
-        let (a, b) = (Along::of(&all), Along::of(&other));
+        let a = Along::of(&all);
+        let b = Along::of(&other);
         assert_eq!(a.thinned(&all, 700).opacity, b.thinned(&other, 700).opacity);
         assert_eq!(a.middles(300), b.middles(300));
     }

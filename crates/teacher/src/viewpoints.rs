@@ -133,7 +133,8 @@ impl Search {
     /// whose pictures are as large as the Gaussians are sharp.
     fn of_splats(mut self, splats: &Splats, count: usize, longer_px: u32) -> Option<Viewpoints> {
         let Unit { middle, length, reach } = self.unit;
-        let (up, from) = (self.up, around(reach, self.up, true));
+        let up = self.up;
+        let from = around(reach, self.up, true);
         let around = from.iter().map(|c| self.unit.to_scene(c)).collect::<Vec<_>>();
         if !splat_views::surround(splats, &around, middle, reach * length) {
             let found = self.viewpoints(count);
@@ -171,7 +172,8 @@ impl Search {
         });
         let mut inside = Vec::new();
         for eye in free_eyes(survey.middles()) {
-            let looks = (0..LOOKS).map(|i| camera(eye, eye + direction(i, LOOKS), up, INSIDE_FOV, SIDE));
+            let looks =
+                (0..LOOKS).map(|i| camera(eye, eye + direction(i, LOOKS), up, INSIDE_FOV, SIDE));
             let mut surrounded = 0;
             let views = good_views(&mut survey, looks.collect(), |sight| {
                 surrounded += usize::from(sight.covered >= LEAST_COVERED);
@@ -182,10 +184,15 @@ impl Search {
                 inside.extend(views);
             }
         }
-        let surrounded = inside.len() >= LEAST_INSIDE && union(&inside) > MORE_INSIDE * union(&around);
+        let surrounded =
+            inside.len() >= LEAST_INSIDE && union(&inside) > MORE_INSIDE * union(&around);
         let views = if surrounded { inside } else { around };
-        let cameras: Vec<Camera> = most_telling(views, count).iter().map(|c| unit.to_scene(c)).collect();
-        Viewpoints::chosen(if surrounded { ViewpointKind::Inside } else { ViewpointKind::Around }, cameras)
+        let cameras: Vec<Camera> =
+            most_telling(views, count).iter().map(|c| unit.to_scene(c)).collect();
+        Viewpoints::chosen(
+            if surrounded { ViewpointKind::Inside } else { ViewpointKind::Around },
+            cameras,
+        )
     }
 }
 
@@ -208,10 +215,16 @@ impl Unit {
         let mut distances: Vec<f32> = middles.iter().map(|m| m.distance(middle)).collect();
         if distances.iter().all(|distance| *distance == 0.0) {
             // A lone triangle, or several in one place.
-            distances = soup.vertices.iter().flatten().map(|corner| corner.distance(middle)).collect();
+            distances =
+                soup.vertices.iter().flatten().map(|corner| corner.distance(middle)).collect();
         }
-        let (length, reach) = (quantile(distances.clone(), 0.5)?, quantile(distances, IN_VIEW)?);
-        (length > 0.0 && reach.is_finite()).then_some(Self { middle, length, reach: reach / length })
+        let length = quantile(distances.clone(), 0.5)?;
+        let reach = quantile(distances, IN_VIEW)?;
+        (length > 0.0 && reach.is_finite()).then_some(Self {
+            middle,
+            length,
+            reach: reach / length,
+        })
     }
 
     /// Moves `soup` to the middle and to this unit; drops triangles that are not finite there.
@@ -219,7 +232,8 @@ impl Unit {
         for corner in soup.vertices.iter_mut().flatten() {
             *corner = (*corner - self.middle) / self.length;
         }
-        let finite: Vec<bool> = soup.vertices.iter().map(|t| t.iter().all(|v| v.is_finite())).collect();
+        let finite: Vec<bool> =
+            soup.vertices.iter().map(|t| t.iter().all(|v| v.is_finite())).collect();
         soup.retain(|i| finite[i]);
     }
 
@@ -243,7 +257,8 @@ fn around(reach: f32, up: Vec3, any_side: bool) -> Vec<Camera> {
         let from = |i| camera(direction(i, PICTURES) * distance, Vec3::ZERO, up, AROUND_FOV, SIDE);
         return (0..PICTURES).map(from).collect();
     }
-    let (x, per_ring) = (up.any_orthonormal_vector(), PICTURES / RINGS.len());
+    let x = up.any_orthonormal_vector();
+    let per_ring = PICTURES / RINGS.len();
     let y = up.cross(x);
     let place = |(ring, k): (usize, usize)| {
         // Every other ring is turned by half a step.
@@ -258,7 +273,8 @@ fn around(reach: f32, up: Vec3, any_side: bool) -> Vec<Camera> {
 /// Places around the middle that are free of `middles` of triangles.
 fn free_eyes(middles: &[Vec3]) -> Vec<Vec3> {
     let free = |eye: &Vec3| {
-        let near = middles.iter().filter(|m| m.distance_squared(*eye) < CLEARANCE * CLEARANCE).count();
+        let near =
+            middles.iter().filter(|m| m.distance_squared(*eye) < CLEARANCE * CLEARANCE).count();
         (near as f32) < MOST_NEAR * middles.len() as f32
     };
     let eyes = INSIDE_RADII.iter().flat_map(|&radius| {
@@ -327,7 +343,8 @@ fn with_between(cameras: &[Camera], max_bytes: u64) -> Vec<Camera> {
         left -= if fits { needed } else { 0 };
         fits
     };
-    [cameras.to_vec(), between(cameras).into_iter().filter(|camera| fits(camera)).collect()].concat()
+    [cameras.to_vec(), between(cameras).into_iter().filter(|camera| fits(camera)).collect()]
+        .concat()
 }
 
 /// Bytes of the 8-bit picture that a camera takes.
@@ -349,7 +366,8 @@ pub fn between(cameras: &[Camera]) -> Vec<Camera> {
 
 /// The `rank`-th nearest camera to camera `i` with a similar direction.
 fn neighbour(cameras: &[Camera], i: usize, rank: usize) -> Option<usize> {
-    let (position, forward) = (cameras[i].position(), cameras[i].rotation.row(2));
+    let position = cameras[i].position();
+    let forward = cameras[i].rotation.row(2);
     let alike = |j: &usize| *j != i && cameras[*j].rotation.row(2).dot(forward) >= MIN_COSINE;
     let mut others: Vec<usize> = (0..cameras.len()).filter(alike).collect();
     let distance = |j: &usize| cameras[*j].position().distance_squared(position);
@@ -359,7 +377,8 @@ fn neighbour(cameras: &[Camera], i: usize, rank: usize) -> Option<usize> {
 
 /// A camera half way between two, with the lens of the first.
 fn middle(a: &Camera, b: &Camera) -> Camera {
-    let rotation = Mat3::from_quat(Quat::from_mat3(&a.rotation).slerp(Quat::from_mat3(&b.rotation), 0.5));
+    let rotation =
+        Mat3::from_quat(Quat::from_mat3(&a.rotation).slerp(Quat::from_mat3(&b.rotation), 0.5));
     let position = (a.position() + b.position()) / 2.0;
     Camera { rotation, translation: -(rotation * position), ..*a }
 }
@@ -374,24 +393,31 @@ mod tests {
         let splats = Splats {
             positions: (0..5).map(|i| direction(i, 5)).collect(),
             scales: vec![Vec3::new(0.3, 0.006, 0.006); 5],
-            rotations: (0..5).map(|i| Quat::from_rotation_arc(Vec3::X, direction(4 - i, 5))).collect(),
+            rotations: (0..5)
+                .map(|i| Quat::from_rotation_arc(Vec3::X, direction(4 - i, 5)))
+                .collect(),
             opacity: vec![0.99; 5],
             sh: vec![[1.0; 3]; 5],
             ..Splats::default()
         };
         let provenance = Provenance::default();
-        let loaded = ImportedSplats { splats, provenance, warnings: Vec::new(), cameras: Vec::new() };
-        let found = Viewpoints::of_splats(&loaded.splats, &loaded.stand_in(), &[], (12, 100)).unwrap();
+        let loaded =
+            ImportedSplats { splats, provenance, warnings: Vec::new(), cameras: Vec::new() };
+        let found =
+            Viewpoints::of_splats(&loaded.splats, &loaded.stand_in(), &[], (12, 100)).unwrap();
         assert_eq!((found.kind, found.cameras.len()), (ViewpointKind::Around, 12));
     }
 
     /// Opaque triangles of about `size` at `places`.
     fn soup(places: impl Iterator<Item = Vec3>, size: f32) -> Soup {
         let rng = Rng::new(3, "test triangle", 0);
-        let corner =
-            |i: u64| Vec3::new(rng.uniform(3 * i), rng.uniform(3 * i + 1), rng.uniform(3 * i + 2)) - 0.5;
-        let vertices: Vec<[Vec3; 3]> =
-            places.zip(0u64..).map(|(p, i)| [0, 1, 2].map(|k| p + size * corner(3 * i + k))).collect();
+        let corner = |i: u64| {
+            Vec3::new(rng.uniform(3 * i), rng.uniform(3 * i + 1), rng.uniform(3 * i + 2)) - 0.5
+        };
+        let vertices: Vec<[Vec3; 3]> = places
+            .zip(0u64..)
+            .map(|(p, i)| [0, 1, 2].map(|k| p + size * corner(3 * i + k)))
+            .collect();
         let n = vertices.len();
         Soup {
             vertices,
@@ -405,8 +431,10 @@ mod tests {
 
     #[test]
     fn a_thing_is_seen_from_around() {
-        let thing = soup((0..2000).map(|i| direction(i, 2000) * Vec3::new(1.0, 2.0, 0.5) + 7.0), 0.2);
-        let Some(chosen) = Search::new(&thing.into(), false).and_then(|search| search.viewpoints(PICTURES))
+        let thing =
+            soup((0..2000).map(|i| direction(i, 2000) * Vec3::new(1.0, 2.0, 0.5) + 7.0), 0.2);
+        let Some(chosen) =
+            Search::new(&thing.into(), false).and_then(|search| search.viewpoints(PICTURES))
         else {
             panic!("a thing can be looked at")
         };
@@ -419,8 +447,13 @@ mod tests {
 
     #[test]
     fn nothing_can_be_seen_of_points() {
-        let points = Soup { vertices: vec![[Vec3::ONE; 3]; 5], ..soup((0..5).map(|_| Vec3::ZERO), 1.0) };
-        assert!(Search::new(&points.into(), false).and_then(|search| search.viewpoints(PICTURES)).is_none());
+        let points =
+            Soup { vertices: vec![[Vec3::ONE; 3]; 5], ..soup((0..5).map(|_| Vec3::ZERO), 1.0) };
+        assert!(
+            Search::new(&points.into(), false)
+                .and_then(|search| search.viewpoints(PICTURES))
+                .is_none()
+        );
         assert!(Search::new(&Soup::default().into(), false).is_none());
     }
 }
@@ -455,7 +488,9 @@ mod stored_tests {
         between.sort_by(f32::total_cmp);
         // Nearest neighbours one step apart, and at the ends two; none beside the one that looks back.
         assert_eq!(between, [0.5, 1.0, 1.5, 2.0, 2.5]);
-        assert!(all[5..].iter().all(|camera| camera.validate(&trisplat_scene::Limits::DEFAULT).is_ok()));
+        assert!(
+            all[5..].iter().all(|camera| camera.validate(&trisplat_scene::Limits::DEFAULT).is_ok())
+        );
     }
 
     #[test]

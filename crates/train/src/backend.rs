@@ -106,7 +106,12 @@ pub trait TrainBackend: std::fmt::Debug {
     }
     /// The view of `camera`, in training space, drawn with `drawing` at a step of `rates`: colour and
     /// transmittance.
-    fn picture(&mut self, _camera: &Camera, _drawing: &SoftOptions, _rates: &StepParams) -> Result<Frame> {
+    fn picture(
+        &mut self,
+        _camera: &Camera,
+        _drawing: &SoftOptions,
+        _rates: &StepParams,
+    ) -> Result<Frame> {
         Err(Error::Gpu("the CPU draws pictures of a soup".into()))
     }
     /// Triangles held.

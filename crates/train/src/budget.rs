@@ -196,12 +196,16 @@ impl<'a> PlanInput<'a> {
     fn photo_of(&self, max_size: Option<u32>) -> UVec2 {
         let longer = self.photo.max_element();
         let most = max_size.unwrap_or(longer).min(longer);
-        (self.photo.as_dvec2() * f64::from(most) / f64::from(longer)).round().as_uvec2().max(UVec2::ONE)
+        (self.photo.as_dvec2() * f64::from(most) / f64::from(longer))
+            .round()
+            .as_uvec2()
+            .max(UVec2::ONE)
     }
 
     /// Seconds to decode the photos and for the work after the last step, with photos of `photo`.
     fn beside_secs(&self, photo: UVec2) -> [f64; 2] {
-        let [all, held_out] = [self.photos[0] + self.photos[1], self.photos[1]].map(|count| count as f64);
+        let [all, held_out] =
+            [self.photos[0] + self.photos[1], self.photos[1]].map(|count| count as f64);
         let [full, small] = [self.photo, photo].map(|size| size.as_dvec2().element_product());
         [all * full * DECODE_SECS, held_out * small * EVALUATE_SECS].map(|secs| secs * self.speed)
     }
@@ -209,7 +213,8 @@ impl<'a> PlanInput<'a> {
     /// Options of a run of `steps`, and the seconds up to its last step.
     fn run(&self, steps: u64, photo: UVec2) -> (TrainOptions, f64) {
         let max_triangles = self.triangles(photo, steps);
-        let options = TrainOptions { steps, max_triangles, milestones: [0; 4], ..self.options.clone() };
+        let options =
+            TrainOptions { steps, max_triangles, milestones: [0; 4], ..self.options.clone() };
         let secs: f64 = part_secs(&options, photo, max_triangles).iter().sum();
         (options, secs * self.speed + self.beside_secs(photo)[0])
     }
@@ -233,13 +238,15 @@ impl<'a> PlanInput<'a> {
         let left = self.budget.seconds.0 - self.spent_secs - reserve_secs;
         // Seconds rise with the steps: the most steps that fit lie between two of these.
         let fits = |steps: u64| self.run(steps, photo).1 <= left;
-        let (mut low, mut high) = (FEWEST_STEPS, 2 * FEWEST_STEPS);
+        let mut low = FEWEST_STEPS;
+        let mut high = 2 * FEWEST_STEPS;
         if !fits(low) {
             return None;
         }
         let most = self.enough.steps.unwrap_or(1 << 40).max(FEWEST_STEPS);
         while fits(high) && high < most {
-            (low, high) = (high, 2 * high);
+            low = high;
+            high = 2 * high;
         }
         while high - low > 1 {
             let middle = low + (high - low) / 2;
@@ -256,7 +263,11 @@ impl<'a> PlanInput<'a> {
         let needed = 1.2 * (factor * needed + beside);
         let parts = if needed < 1.0 { 10.0 } else { 1.0 };
         let needed = (parts * needed).ceil() / parts;
-        Error::invalid(self.budget.option(), seconds, format!("{needed}s or more for this data set"))
+        Error::invalid(
+            self.budget.option(),
+            seconds,
+            format!("{needed}s or more for this data set"),
+        )
     }
 }
 
@@ -271,7 +282,8 @@ pub fn plan(input: &PlanInput<'_>) -> Result<Pace> {
         let plan = input.for_size(size);
         let smaller = (photo.max_element() * 3 / 4).max(SMALLEST_PHOTO);
         let enough = plan.as_ref().is_some_and(|plan| {
-            plan.steps >= input.enough.steps_of_full_photos.min(input.enough.steps.unwrap_or(u64::MAX))
+            plan.steps
+                >= input.enough.steps_of_full_photos.min(input.enough.steps.unwrap_or(u64::MAX))
         });
         if enough || input.size_given || smaller >= photo.max_element() {
             let plan = plan.ok_or_else(|| input.too_small(photo))?;
@@ -302,10 +314,13 @@ fn ends(options: &TrainOptions) -> [u64; 5] {
 /// Expected CPU seconds of the steps of each part between two milestones, with photos of `photo` and this number of triangles.
 pub fn part_secs(options: &TrainOptions, photo: UVec2, triangles: u64) -> [f64; 5] {
     // In a run of 30,000 steps, positions and steps are the same.
-    let reference = TrainOptions { steps: REFERENCE_STEPS as u64, milestones: [0; 4], ..options.clone() };
-    let (schedule, ends) = (Schedule::new(&reference), ends(options));
+    let reference =
+        TrainOptions { steps: REFERENCE_STEPS as u64, milestones: [0; 4], ..options.clone() };
+    let schedule = Schedule::new(&reference);
+    let ends = ends(options);
     std::array::from_fn(|part| {
-        let before = part.checked_sub(1).map_or((0, 0.0), |before| (ends[before], MILESTONES[before]));
+        let before =
+            part.checked_sub(1).map_or((0, 0.0), |before| (ends[before], MILESTONES[before]));
         let until = MILESTONES.get(part).copied().unwrap_or(REFERENCE_STEPS);
         let middle = (0.5 * (before.1 + until)) as u64;
         let pixels = size_at(photo, schedule.level(middle), MIN_PX).as_dvec2().element_product();
@@ -347,7 +362,9 @@ impl Pace {
         let left = self.budget.seconds.0 - spent_secs - reserve;
         let rest = speed * secs[part + 1..].iter().sum::<f64>();
         let to_do = |steps: u64| steps.saturating_sub(step) as f64;
-        let most = self.most_steps.map_or(f64::INFINITY, |most| to_do(most) / to_do(options.steps).max(1.0));
+        let most = self
+            .most_steps
+            .map_or(f64::INFINITY, |most| to_do(most) / to_do(options.steps).max(1.0));
         let stretch = (left / rest.max(1e-9)).clamp(0.0, most.min(MOST_STRETCH));
         let corrected = stretched(options, part, stretch);
         self.began_secs = spent_secs;
@@ -364,7 +381,12 @@ impl Pace {
     /// `options` with the choices. Their milestones are explicit, because they may change.
     pub fn apply(&self, options: &TrainOptions) -> TrainOptions {
         let Plan { steps, max_triangles, .. } = self.plan;
-        TrainOptions { steps, max_triangles, milestones: Timeline::proportional(steps), ..options.clone() }
+        TrainOptions {
+            steps,
+            max_triangles,
+            milestones: Timeline::proportional(steps),
+            ..options.clone()
+        }
     }
 
     /// The use of the budget by a run that ended with `options`.
@@ -382,7 +404,8 @@ impl Pace {
         let repeat = format!(
             "--steps {steps} --max-triangles {max_triangles}{size} --set \"milestones=[{a},{b},{c},{d}]\"{exposure}"
         );
-        let (plan, corrections) = (self.plan.clone(), self.corrections.clone());
+        let plan = self.plan.clone();
+        let corrections = self.corrections.clone();
         BudgetDetails { budget: self.budget, plan, corrections, spent_secs, repeat }
     }
 
@@ -400,9 +423,12 @@ impl Pace {
         );
         // Hundredths of seconds say nothing beside ten.
         let secs = self.budget.seconds.0;
-        let seconds = Seconds(if secs < 10.0 { (100.0 * secs).round() / 100.0 } else { secs.round() });
+        let seconds =
+            Seconds(if secs < 10.0 { (100.0 * secs).round() / 100.0 } else { secs.round() });
         let budget = Budget { seconds, ..self.budget };
-        format!("budget {budget}: about {steps} steps of at most {max_triangles} triangles, {photos}")
+        format!(
+            "budget {budget}: about {steps} steps of at most {max_triangles} triangles, {photos}"
+        )
     }
 }
 
@@ -451,13 +477,16 @@ mod tests {
         let base = TrainOptions::default();
         let mut pace = plan(&input(&base, seconds)).unwrap();
         let triangles = triangles(pace.plan.max_triangles);
-        let (mut options, mut spent) = (pace.apply(&base), 0.5);
+        let mut options = pace.apply(&base);
+        let mut spent = 0.5;
         for part in 0..5 {
             if resume_at == Some(part) {
                 // The scene and the photos are read again.
-                (spent, pace.began_secs) = (spent + 3.0, pace.began_secs + 3.0);
+                spent = spent + 3.0;
+                pace.began_secs = pace.began_secs + 3.0;
             }
-            let secs = part_secs(&options, PHOTO, triangles)[part] * if part < 2 { soft } else { engine };
+            let secs =
+                part_secs(&options, PHOTO, triangles)[part] * if part < 2 { soft } else { engine };
             if part == 0 {
                 // Grown in the last tenth.
                 let last = 0.1 * part_secs(&options, PHOTO, 2 * triangles)[0] * soft;
@@ -479,9 +508,13 @@ mod tests {
         let base = TrainOptions::default();
         let mut before = 0;
         for seconds in [20.0, 60.0, 300.0] {
-            let Plan { steps, step_secs, reserve_secs, .. } = plan(&input(&base, seconds)).unwrap().plan;
+            let Plan { steps, step_secs, reserve_secs, .. } =
+                plan(&input(&base, seconds)).unwrap().plan;
             let total = 0.5 + step_secs + reserve_secs;
-            assert!(total <= seconds && total > 0.97 * seconds && steps > before, "{total} of {seconds}");
+            assert!(
+                total <= seconds && total > 0.97 * seconds && steps > before,
+                "{total} of {seconds}"
+            );
             before = steps;
         }
     }
@@ -511,7 +544,10 @@ mod tests {
         let base = TrainOptions::default();
         let enough = StepLimit { steps: Some(1500), ..StepLimit::default() };
         let mut pace = plan(&PlanInput { enough, ..input(&base, 600.0) }).unwrap();
-        assert_eq!((pace.plan.steps, pace.plan.max_triangles, pace.is_enough()), (1500, 21_000, true));
+        assert_eq!(
+            (pace.plan.steps, pace.plan.max_triangles, pace.is_enough()),
+            (1500, 21_000, true)
+        );
         let mut options = pace.apply(&base);
         for part in 0..4 {
             let step = options.milestones[part];
@@ -535,7 +571,10 @@ mod tests {
         let plan = |input: &PlanInput<'_>| plan(input).unwrap().plan;
         let given = PlanInput { triangles_given: true, ..input(&options, 60.0) };
         assert_eq!(plan(&given).max_triangles, 7000);
-        assert_eq!(plan(&PlanInput { from: Some(90_000), ..input(&options, 60.0) }).max_triangles, 90_000);
+        assert_eq!(
+            plan(&PlanInput { from: Some(90_000), ..input(&options, 60.0) }).max_triangles,
+            90_000
+        );
         let large = PlanInput { photo: UVec2::new(3000, 2000), ..input(&options, 60.0) };
         assert!(plan(&large).max_size.is_some());
         assert_eq!(plan(&PlanInput { size_given: true, ..large }).max_size, None);
@@ -545,7 +584,10 @@ mod tests {
     fn a_budget_too_small_for_anything_is_an_error() {
         let options = TrainOptions::default();
         let error = plan(&input(&options, 0.6)).unwrap_err().to_string();
-        assert!(error.starts_with("budget is 0.6s: expected ") && error.contains("or more"), "{error}");
+        assert!(
+            error.starts_with("budget is 0.6s: expected ") && error.contains("or more"),
+            "{error}"
+        );
     }
 
     #[test]
@@ -555,7 +597,10 @@ mod tests {
         let longer = TrainOptions { milestones: [400, 667, 800, 1100], ..options(1200) };
         let longer = part_secs(&longer, PHOTO, 10_000);
         for (part, factor) in [(0, 1.0), (1, 1.0), (2, 1.0), (3, 3.0), (4, 1.0)] {
-            assert!((longer[part] / plain[part] / factor - 1.0).abs() < 0.01, "{part}: {plain:?} {longer:?}");
+            assert!(
+                (longer[part] / plain[part] / factor - 1.0).abs() < 0.01,
+                "{part}: {plain:?} {longer:?}"
+            );
         }
         let per_step: Vec<f64> =
             plain.iter().zip([400.0, 267.0, 133.0, 100.0, 100.0]).map(|(s, n)| s / n).collect();

@@ -89,16 +89,18 @@ impl CheckpointMeta {
 /// Errors: those of the operating system; numbers that are not finite, because no run can continue from
 /// these.
 pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
-    let unwritable = |e: &dyn std::fmt::Display| Error::invalid("checkpoint", e, "numbers JSON can hold");
+    let unwritable =
+        |e: &dyn std::fmt::Display| Error::invalid("checkpoint", e, "numbers JSON can hold");
     let visibility = &checkpoint.visibility;
     let bytes = |flags: &[bool]| flags.iter().map(|f| u8::from(*f)).collect::<Vec<u8>>();
-    let (exempt, drawn) = (bytes(&visibility.exempt), bytes(&visibility.drawn));
+    let exempt = bytes(&visibility.exempt);
+    let drawn = bytes(&visibility.drawn);
     let tensors = tensors(checkpoint, &exempt, &drawn).map_err(|e| unwritable(&e))?;
     for (name, tensor) in &tensors {
-        let numbers = if tensor.dtype() == Dtype::F32 { bytemuck::cast_slice(tensor.data()) } else { &[] };
+        let numbers =
+            if tensor.dtype() == Dtype::F32 { bytemuck::cast_slice(tensor.data()) } else { &[] };
         if !numbers.iter().all(|number: &f32| number.is_finite()) {
-            let reason =
-                "holds numbers that are not finite; resume from an earlier checkpoint, or train again";
+            let reason = "holds numbers that are not finite; resume from an earlier checkpoint, or train again";
             return Err(Error::malformed(path, name.clone(), reason));
         }
     }
@@ -136,8 +138,11 @@ fn tensors<'a>(
         TensorView::new(dtype, shape.to_vec(), data).map(|view| tensors.push((name, view)))
     };
     let state = &checkpoint.state;
-    for (prefix, params) in [("params", &state.params), ("first", &state.first), ("second", &state.second)] {
-        let (n, k) = (params.len(), params.sh_count());
+    for (prefix, params) in
+        [("params", &state.params), ("first", &state.first), ("second", &state.second)]
+    {
+        let n = params.len();
+        let k = params.sh_count();
         add(format!("{prefix}.vertices"), Dtype::F32, &[n, 3, 3], raw(&params.vertices))?;
         add(format!("{prefix}.opacity"), Dtype::F32, &[n], raw(&params.opacity))?;
         add(format!("{prefix}.sigma"), Dtype::F32, &[n], raw(&params.sigma))?;
@@ -165,7 +170,8 @@ fn raw<T: NoUninit>(values: &[T]) -> &[u8] {
 /// Errors: a file that is damaged, not a checkpoint, or of another version of trisplat.
 pub fn read(path: &Path) -> Result<Checkpoint> {
     guarded(path, || {
-        let bytes = input::read_large(path, &Limits::DEFAULT, |file, length| check(path, file, length))?;
+        let bytes =
+            input::read_large(path, &Limits::DEFAULT, |file, length| check(path, file, length))?;
         read_bytes(path, &bytes)
     })
 }
@@ -178,12 +184,14 @@ fn check(path: &Path, file: &mut File, length: u64) -> Result<()> {
     let io = |e| Error::io(path, e);
     let mut start = Vec::new();
     file.take(9).read_to_end(&mut start).map_err(io)?;
-    let Some((size, &first)) = start.split_first_chunk().and_then(|(size, rest)| Some((size, rest.first()?)))
+    let Some((size, &first)) =
+        start.split_first_chunk().and_then(|(size, rest)| Some((size, rest.first()?)))
     else {
         return Err(damaged(path));
     };
     if first != b'{' {
-        let reason = "is not a checkpoint of a training run; to start from a scene, give it as `from`";
+        let reason =
+            "is not a checkpoint of a training run; to start from a scene, give it as `from`";
         return Err(Error::unsupported(path, reason));
     }
     let size = u64::from_le_bytes(*size);
@@ -198,7 +206,8 @@ fn check(path: &Path, file: &mut File, length: u64) -> Result<()> {
     let metadata: Metadata = serde_json::from_slice(&header).map_err(|_| damaged(path))?;
     check_format(path, &metadata)?;
     let tensors: BTreeMap<String, &TensorInfo> = metadata.tensors().into_iter().collect();
-    let bytes = |info: &TensorInfo| (info.data_offsets.1 as u64).saturating_sub(info.data_offsets.0 as u64);
+    let bytes =
+        |info: &TensorInfo| (info.data_offsets.1 as u64).saturating_sub(info.data_offsets.0 as u64);
     // Arrays that overlap would take any time.
     if tensors.values().map(|info| bytes(info)).fold(0, u64::saturating_add) != length - body {
         return Err(damaged(path));
@@ -235,7 +244,8 @@ fn text<'a>(metadata: &'a Metadata, key: &str) -> Option<&'a str> {
 }
 
 fn damaged(path: &Path) -> Error {
-    let reason = "does not fit: the file is damaged; resume from another checkpoint, or train again";
+    let reason =
+        "does not fit: the file is damaged; resume from another checkpoint, or train again";
     Error::malformed(path, "checksum", reason)
 }
 
@@ -249,9 +259,13 @@ fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Checkpoint> {
     if meta.step > meta.options.steps {
         return Err(bad(format!("is after step {} of {}", meta.step, meta.options.steps)));
     }
-    let n = tensors.tensor("params.opacity").map_or(0, |tensor| tensor.data().len() / size_of::<f32>());
+    let n =
+        tensors.tensor("params.opacity").map_or(0, |tensor| tensor.data().len() / size_of::<f32>());
     if meta.pinned > n || meta.frozen > meta.pinned {
-        return Err(bad(format!("{} frozen and {} pinned triangles of {n}", meta.frozen, meta.pinned)));
+        return Err(bad(format!(
+            "{} frozen and {} pinned triangles of {n}",
+            meta.frozen, meta.pinned
+        )));
     }
     let file = Arrays { path, tensors };
     let params = |prefix: &str| file.params(prefix, n, meta.options.sh_degree);
@@ -361,7 +375,9 @@ pub fn newest(folder: &Path) -> Result<(PathBuf, Checkpoint, Vec<String>)> {
         }
     }
     let reason = match broken.is_empty() {
-        true => "holds no file that ends with .checkpoint; give the file of a checkpoint".to_owned(),
+        true => {
+            "holds no file that ends with .checkpoint; give the file of a checkpoint".to_owned()
+        }
         false => format!("holds no whole checkpoint: {}", broken.join("; ")),
     };
     Err(Error::unsupported(folder, reason))
@@ -396,7 +412,11 @@ mod tests {
             space: ([1.0, 2.0, 3.5], 0.123),
             pinned: 2,
             frozen: 1,
-            core: Some(Core { low: [None, Some(-1.5), None], high: [Some(0.1), None, None], triangles: 7 }),
+            core: Some(Core {
+                low: [None, Some(-1.5), None],
+                high: [Some(0.1), None, None],
+                triangles: 7,
+            }),
             exposure: ExposureEstimates::default(),
             identity: RunIdentity {
                 background: [0.5, 0.0, 1.0],
@@ -448,7 +468,8 @@ mod tests {
             read(&path).unwrap_err().to_string()
         };
         let error = replaced(&format!("\"trisplat\":\"{FORMAT}"), "\"trisplat\":\"18");
-        let expected = format!("is a checkpoint of another version, this one reads format {FORMAT}");
+        let expected =
+            format!("is a checkpoint of another version, this one reads format {FORMAT}");
         assert!(error.contains(&expected), "{error}");
         let other = replaced("\"trisplat\":", "\"somebody\":");
         assert!(other.contains("is not a trisplat checkpoint"), "{other}");
@@ -514,7 +535,10 @@ mod tests {
         // A hole, which no machine has the memory to read.
         file.set_len(200 << 30).unwrap();
         let error = read(&path).unwrap_err().to_string();
-        assert!(error.contains("is not a checkpoint of a training run; to start from a scene"), "{error}");
+        assert!(
+            error.contains("is not a checkpoint of a training run; to start from a scene"),
+            "{error}"
+        );
     }
 
     #[test]
@@ -537,7 +561,8 @@ mod tests {
     fn a_checkpoint_has_the_permissions_of_any_output() {
         use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().unwrap();
-        let mode = |name: &str| std::fs::metadata(folder.path().join(name)).unwrap().permissions().mode();
+        let mode =
+            |name: &str| std::fs::metadata(folder.path().join(name)).unwrap().permissions().mode();
         write(&folder.path().join("a.checkpoint"), &sample()).unwrap();
         std::fs::write(folder.path().join("plain"), b"").unwrap();
         assert_eq!(mode("a.checkpoint"), mode("plain"));

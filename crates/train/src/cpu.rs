@@ -79,15 +79,24 @@ impl TrainBackend for CpuBackend {
         };
         let mut options = rates.drawing(&self.options);
         options.geometry = rates.beta_normal > 0.0 || rates.beta_distortion > 0.0;
-        let (camera, width) = (photo.camera, photo.pixels.size.x);
+        let camera = photo.camera;
+        let width = photo.pixels.size.x;
         let counted = photo.pixels.alpha.as_deref().map(|alpha| CountedPixels { alpha, width });
         let frame = self.soft.render_counting(&soup, camera, &options, counted);
-        let (dssim, d_rgb) = (rates.dssim, &mut self.d_frame.d_rgb);
-        let means = self.frame_loss.photometric_grad(photo.pixels, dssim, options.linear, &frame.rgb, d_rgb);
+        let dssim = rates.dssim;
+        let d_rgb = &mut self.d_frame.d_rgb;
+        let means = self.frame_loss.photometric_grad(
+            photo.pixels,
+            dssim,
+            options.linear,
+            &frame.rgb,
+            d_rgb,
+        );
         self.frame_loss.errors(&mut self.d_frame.error);
         let geometry = geometry_grad(frame, camera, rates, &mut self.d_maps, &mut self.d_frame);
         self.soft.backward(&soup, camera, &options, &self.d_frame, &mut self.d_soup);
-        let importance = if photo.first { &mut self.visibility.first } else { &mut self.visibility.again };
+        let importance =
+            if photo.first { &mut self.visibility.first } else { &mut self.visibility.again };
         self.soft.accumulate_importance(importance);
         add_errors(&self.d_soup, &mut self.visibility.error);
         let regularisers = Regularisers::new(&self.state, rates);
@@ -156,11 +165,17 @@ pub(super) const ERROR_UNITS: f32 = 1_048_576.0;
 /// Opacity and σ of the raw parameters.
 fn activate(state: &TrainState, rates: &StepParams, opacity: &mut Vec<f32>, sigma: &mut Vec<f32>) {
     // Frozen triangles are as solid as they will stay, whatever the anneal.
-    let (params, anneal) = (&state.params, rates.anneal);
+    let params = &state.params;
+    let anneal = rates.anneal;
     opacity.clear();
     parallel::extend(opacity, params.opacity.len(), GRAIN, |i| {
-        let (o, s) = (params.opacity[i], params.sigma[i]);
-        if i < state.frozen { frozen_opacity(o, s, rates.engine_shading) } else { anneal.opacity(o) }
+        let o = params.opacity[i];
+        let s = params.sigma[i];
+        if i < state.frozen {
+            frozen_opacity(o, s, rates.engine_shading)
+        } else {
+            anneal.opacity(o)
+        }
     });
     sigma.clear();
     parallel::extend(sigma, params.sigma.len(), GRAIN, |i| {
@@ -197,12 +212,17 @@ impl FrameLoss {
             self.slope.resize(self.picture.len(), [0.0; 3]);
             let rows = self.picture.chunks_mut(ROW).zip(self.slope.chunks_mut(ROW));
             parallel::for_each(rows, |_, (picture, slope)| {
-                dispatch(Encode { values: picture.as_flattened_mut(), slope: slope.as_flattened_mut() });
+                dispatch(Encode {
+                    values: picture.as_flattened_mut(),
+                    slope: slope.as_flattened_mut(),
+                });
             });
         }
         let Self { scratch, photo, picture, slope } = self;
         d_frame.resize(picture.len(), [0.0; 3]);
-        let (width, rgb, weight) = (pixels.size.x as usize, &photo.rgb, photo.weight());
+        let width = pixels.size.x as usize;
+        let rgb = &photo.rgb;
+        let weight = photo.weight();
         let means = photometric_grad(width, picture, rgb, weight, dssim, scratch, d_frame);
         for (d, slope) in d_frame.as_flattened_mut().iter_mut().zip(slope.as_flattened()) {
             *d *= slope;
@@ -212,7 +232,9 @@ impl FrameLoss {
 
     /// Squared error of each pixel, for the last frame and photo of [`Self::photometric_grad`].
     pub(super) fn errors(&self, out: &mut Vec<f32>) {
-        let (picture, rgb, weights) = (&self.picture, &self.photo.rgb, self.photo.weight());
+        let picture = &self.picture;
+        let rgb = &self.photo.rgb;
+        let weights = self.photo.weight();
         out.clear();
         parallel::extend(out, picture.len(), GRAIN, |i| {
             let d: [f32; 3] = std::array::from_fn(|c| picture[i][c] - rgb[i][c]);
@@ -256,7 +278,8 @@ impl Work for Encode<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let (mut x, mut d) = ([0.0; LANES], [0.0; LANES]);
+        let mut x = [0.0; LANES];
+        let mut d = [0.0; LANES];
         for (values, slope) in self.values.chunks_mut(LANES).zip(self.slope.chunks_mut(LANES)) {
             x[..values.len()].copy_from_slice(values);
             let (encoded, by) = encode(L::load(&x));

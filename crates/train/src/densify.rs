@@ -112,7 +112,8 @@ pub(crate) fn densify(
         false => vec![false; alive.len()],
     };
 
-    let (mut next, mut next_visibility) = (state.empty_like(), visibility.without_triangles());
+    let mut next = state.empty_like();
+    let mut next_visibility = visibility.without_triangles();
     for i in (0..alive.len()).filter(|&i| alive[i] && !grown[i]) {
         next.push(state, i);
         next_visibility.push(visibility, i);
@@ -143,7 +144,8 @@ pub(crate) fn densify(
     if complete {
         next_visibility = VisibilityStats::new(done.triangles, visibility.drawn.len());
     }
-    (*state, *visibility) = (next, next_visibility);
+    *state = next;
+    *visibility = next_visibility;
     done
 }
 
@@ -195,7 +197,8 @@ fn repair(
     done: &mut Densified,
 ) -> Vec<u32> {
     let Some(known) = plan.known else { return Vec::new() };
-    let DepthRepair { blocks, holes, moves } = known.repair(state, alive, visibility, plan.eyes, plan.pull);
+    let DepthRepair { blocks, holes, moves } =
+        known.repair(state, alive, visibility, plan.eyes, plan.pull);
     let stays = |i: usize| alive[i] && !blocks[i];
     if (state.frozen..alive.len()).any(stays) {
         let removed = |(alive, blocks): &(&mut bool, bool)| **alive && *blocks;
@@ -285,7 +288,9 @@ fn children(params: &Params, i: usize, corners: impl IntoIterator<Item = [Vec3; 
 /// The four triangles of the midpoint subdivision.
 fn split(params: &Params, i: usize) -> Params {
     let [a, b, c] = params.vertices[i];
-    let (ab, bc, ca) = (a.midpoint(b), b.midpoint(c), c.midpoint(a));
+    let ab = a.midpoint(b);
+    let bc = b.midpoint(c);
+    let ca = c.midpoint(a);
     children(params, i, [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]])
 }
 
@@ -302,12 +307,14 @@ fn bisect(params: &Params, i: usize) -> Params {
 /// The triangle and a copy shifted within its plane.
 fn clone(params: &Params, i: usize, plan: &DensifyPlan<'_>, rng: Rng) -> Params {
     let corners = params.vertices[i];
-    let size = corners[0].max(corners[1]).max(corners[2]) - corners[0].min(corners[1]).min(corners[2]);
+    let size =
+        corners[0].max(corners[1]).max(corners[2]) - corners[0].min(corners[1]).min(corners[2]);
     let at = |axis: u64| rng.uniform(3 * i as u64 + axis) - 0.5;
     let noise = Vec3::new(at(0), at(1), at(2)) * size * CLONE_SHIFT;
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
     let shift = noise - normal * normal.dot(noise);
-    let mut children = children(params, i, [Vec3::ZERO, shift].map(|offset| corners.map(|v| v + offset)));
+    let mut children =
+        children(params, i, [Vec3::ZERO, shift].map(|offset| corners.map(|v| v + offset)));
     let opacity = plan.anneal.opacity(params.opacity[i]).min(1.0);
     let half = 1.0 - (1.0 - opacity).sqrt();
     if let Some(raw) = plan.anneal.opacity_raw(half) {
@@ -371,13 +378,16 @@ mod tests {
     #[test]
     fn grows_by_thirty_per_cent_and_never_above_the_limit() {
         let options = DensifyOptions::default();
-        let (mut s, mut w) = (state(100), visible(100, 3));
+        let mut s = state(100);
+        let mut w = visible(100, 3);
         let done = densify(&mut s, &mut w, &plan(&options));
         assert_eq!((done.cloned, done.split, s.params.len(), w.len()), (30, 0, 130, 130));
-        let (mut s, mut w) = (state(100), visible(100, 3));
+        let mut s = state(100);
+        let mut w = visible(100, 3);
         densify(&mut s, &mut w, &DensifyPlan { max_triangles: 111, ..plan(&options) });
         assert_eq!(s.params.len(), 111);
-        let (mut s, mut w) = (state(100), visible(100, 3));
+        let mut s = state(100);
+        let mut w = visible(100, 3);
         w.radius_px.fill(100.0);
         let done = densify(&mut s, &mut w, &plan(&options));
         assert_eq!((done.cloned, done.split, s.params.len()), (0, 10, 130));
@@ -387,12 +397,15 @@ mod tests {
     fn a_core_that_is_full_ends_the_growth_around_it_too() {
         let options = DensifyOptions { growth: 5.0, ..DensifyOptions::default() };
         // The middles of the first ten of twenty are below 10.5.
-        let core = |triangles| Some(Core { low: [None; 3], high: [Some(10.5), None, None], triangles });
+        let core =
+            |triangles| Some(Core { low: [None; 3], high: [Some(10.5), None, None], triangles });
         let grown = |triangles| {
-            let (mut s, mut w) = (state(20), visible(20, 3));
+            let mut s = state(20);
+            let mut w = visible(20, 3);
             densify(&mut s, &mut w, &DensifyPlan { core: core(triangles), ..plan(&options) });
-            let held =
-                core(0).map_or(0, |core| (0..s.params.len()).filter(|&i| core.holds(&s.params, i)).count());
+            let held = core(0).map_or(0, |core| {
+                (0..s.params.len()).filter(|&i| core.holds(&s.params, i)).count()
+            });
             (held, s.params.len())
         };
         let (before, _) = grown(0);
@@ -405,8 +418,10 @@ mod tests {
     #[test]
     fn triangles_are_sampled_by_their_weight() {
         let grown_opaque = |densification: u64| {
-            let options =
-                DensifyOptions { sample_by: SampleWeight::Alternating, ..DensifyOptions::default() };
+            let options = DensifyOptions {
+                sample_by: SampleWeight::Alternating,
+                ..DensifyOptions::default()
+            };
             let mut s = state(1000);
             s.params.opacity[..500].fill(logit(0.9));
             s.params.opacity[500..].fill(logit(0.03));
@@ -445,7 +460,8 @@ mod tests {
     #[test]
     fn a_solid_scene_is_cut_in_two_where_it_is_wrong() {
         let options = DensifyOptions::default();
-        let (mut s, mut w) = (state(10), visible(10, 3));
+        let mut s = state(10);
+        let mut w = visible(10, 3);
         let parent = s.params.vertices[3];
         w.error[3] = 7;
         let solid = DensifyPlan { bisect: true, anneal: Anneal::SOLID, ..plan(&options) };
@@ -454,21 +470,33 @@ mod tests {
         let area = |v: &[Vec3; 3]| (v[1] - v[0]).cross(v[2] - v[0]);
         for half in &s.params.vertices[9..] {
             // The same plane and winding, and half the area.
-            assert!((2.0 * area(half) - area(&parent)).length() < 1e-5 * area(&parent).length().max(1.0));
+            assert!(
+                (2.0 * area(half) - area(&parent)).length()
+                    < 1e-5 * area(&parent).length().max(1.0)
+            );
         }
     }
 
     #[test]
     fn a_full_scene_moves_the_least_seen_to_where_it_is_wrong() {
         let options = DensifyOptions { relocate: 0.1, ..DensifyOptions::default() };
-        let full = DensifyPlan { max_triangles: 100, bisect: true, anneal: Anneal::SOLID, ..plan(&options) };
+        let full = DensifyPlan {
+            max_triangles: 100,
+            bisect: true,
+            anneal: Anneal::SOLID,
+            ..plan(&options)
+        };
         let core = Some(Core { low: [None; 3], high: [None; 3], triangles: 100 });
         // Nothing is removed if nothing may grow, if some photos were not drawn, if only a part of the scene
         // is trained, or if it is soft.
-        for (drawn, grow, core, moved) in
-            [(true, true, None, 10), (true, false, None, 0), (false, true, None, 0), (true, true, core, 0)]
-        {
-            let (mut s, mut w) = (state(100), visible(100, 3));
+        for (drawn, grow, core, moved) in [
+            (true, true, None, 10),
+            (true, false, None, 0),
+            (false, true, None, 0),
+            (true, true, core, 0),
+        ] {
+            let mut s = state(100);
+            let mut w = visible(100, 3);
             w.sum_weight = (0..100).map(|i| 200.0 - i as f32).collect();
             w.error[50..60].fill(7);
             w.drawn[1] = drawn;
@@ -478,15 +506,18 @@ mod tests {
             let gone = (90..100).all(|i| !s.params.vertices.contains(&before.vertices[i]));
             assert_eq!(gone, moved > 0, "the least seen");
         }
-        let (mut s, mut w) = (state(100), visible(100, 3));
-        let done = densify(&mut s, &mut w, &DensifyPlan { bisect: false, anneal: Anneal::NONE, ..full });
+        let mut s = state(100);
+        let mut w = visible(100, 3);
+        let done =
+            densify(&mut s, &mut w, &DensifyPlan { bisect: false, anneal: Anneal::NONE, ..full });
         assert_eq!((done.relocated, s.params.len()), (0, 100));
     }
 
     #[test]
     fn pinned_triangles_stay_as_they_are() {
         let options = DensifyOptions { growth: 5.0, ..DensifyOptions::default() };
-        let (mut s, mut w) = (state(10), visible(10, 3));
+        let mut s = state(10);
+        let mut w = visible(10, 3);
         s.pinned = 4;
         let before = s.params.clone();
         w.max_weight.fill(0.0);
@@ -500,7 +531,8 @@ mod tests {
     #[test]
     fn rules_count_what_they_remove() {
         let options = DensifyOptions::default();
-        let (mut s, mut w) = (state(10), visible(10, 5));
+        let mut s = state(10);
+        let mut w = visible(10, 5);
         s.params.vertices[0][1].x = f32::NAN;
         s.params.opacity[1] = logit(0.001);
         w.max_weight[2] = 0.01;
@@ -515,22 +547,32 @@ mod tests {
     fn what_only_far_photos_show_before_a_camera_goes_once_the_scene_is_solid() {
         let options = DensifyOptions::default();
         let removed = |bisect: bool, views: u32, depth: f32| {
-            let (mut s, mut w) = (state(10), visible(10, 8));
+            let mut s = state(10);
+            let mut w = visible(10, 8);
             w.nearness.fill(1.0);
             let eye = s.params.vertices[3].iter().sum::<Vec3>() / 3.0 + Vec3::new(0.0, 0.0, -0.3);
-            (w.views[3], w.nearness[3]) = (views, 1.0 / depth);
-            let plan =
-                DensifyPlan { grow: false, bisect, eyes: &[eye, eye - 9.0 * Vec3::Z], ..plan(&options) };
+            w.views[3] = views;
+            w.nearness[3] = 1.0 / depth;
+            let plan = DensifyPlan {
+                grow: false,
+                bisect,
+                eyes: &[eye, eye - 9.0 * Vec3::Z],
+                ..plan(&options)
+            };
             densify(&mut s, &mut w, &plan).unsupported
         };
         assert_eq!(removed(true, 5, 0.76), 1, "0.3 from a camera, 0.76 from a photo");
-        assert_eq!([removed(true, 5, 0.74), removed(true, 6, 0.76), removed(false, 5, 0.76)], [0; 3]);
+        assert_eq!(
+            [removed(true, 5, 0.74), removed(true, 6, 0.76), removed(false, 5, 0.76)],
+            [0; 3]
+        );
     }
 
     #[test]
     fn nothing_is_pruned_on_an_incomplete_pass_of_five_thousand_photos() {
         let options = DensifyOptions::default();
-        let (mut s, mut w) = (state(50), VisibilityStats::new(50, 5000));
+        let mut s = state(50);
+        let mut w = VisibilityStats::new(50, 5000);
         for photo in 0..500 {
             w.record_photo(photo);
         }
@@ -547,10 +589,12 @@ mod tests {
     #[test]
     fn one_photo_and_scenes_of_useless_triangles_keep_something() {
         let options = DensifyOptions::default();
-        let (mut s, mut w) = (state(4), visible(4, 1));
+        let mut s = state(4);
+        let mut w = visible(4, 1);
         densify(&mut s, &mut w, &DensifyPlan { grow: false, ..plan(&options) });
         assert_eq!(s.params.len(), 4, "one photo shows every triangle at most once");
-        let (mut s, mut w) = (state(4), VisibilityStats::new(4, 2));
+        let mut s = state(4);
+        let mut w = VisibilityStats::new(4, 2);
         w.drawn.fill(true);
         w.max_weight[2] = 0.001;
         densify(&mut s, &mut w, &DensifyPlan { grow: false, ..plan(&options) });

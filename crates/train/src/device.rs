@@ -95,7 +95,10 @@ impl BackendOptions {
     /// that it is a software renderer.
     ///
     /// Errors: `gpu` where there is no card as asked for, where it cannot be opened, or where nothing can be made of it.
-    pub fn with_card<T>(&self, make: impl FnOnce(Gpu) -> Result<T>) -> Result<(Option<T>, Vec<String>)> {
+    pub fn with_card<T>(
+        &self,
+        make: impl FnOnce(Gpu) -> Result<T>,
+    ) -> Result<(Option<T>, Vec<String>)> {
         let opened = match self.backend {
             BackendKind::Cpu => return Ok((None, Vec::new())),
             BackendKind::Gpu => Gpu::headless(&self.adapter),

@@ -36,7 +36,10 @@ impl Quality {
 
     /// The mean score over black and over white, so that neither colour passes for background. `draw` draws
     /// over a background, sRGB-encoded; the photo holds an object's opacity and its colours over black.
-    pub fn over_two(photo: &RgbImage, mut draw: impl FnMut([f32; 3]) -> Result<RgbImage>) -> Result<Self> {
+    pub fn over_two(
+        photo: &RgbImage,
+        mut draw: impl FnMut([f32; 3]) -> Result<RgbImage>,
+    ) -> Result<Self> {
         let mut of = |code: u8| {
             let picture = draw([f32::from(code) / 255.0; 3])?;
             Ok(Self::of(&picture, &photo.over_instead_of_black([code; 3])))
@@ -106,10 +109,17 @@ impl Evaluator {
         let mut photos = Photos::new(views.iter().map(|v| v.photo.clone()).collect(), photo_bytes);
         photos.prefetch(0..photos.len());
         (0..photos.len()).try_for_each(|i| photos.take(i).map(drop))?;
-        let view = |v: &&View| EvalView { name: v.name.clone(), camera: v.camera, cut: v.photo.is_cut() };
+        let view =
+            |v: &&View| EvalView { name: v.name.clone(), camera: v.camera, cut: v.photo.is_cut() };
         let shrunk = ShrunkSize::of(views.iter().copied());
         let views = views.iter().map(view).collect();
-        Ok(Self { views, photos, shrunk, soft: SoftRasterizer::new(), solid: SolidRasterizer::new() })
+        Ok(Self {
+            views,
+            photos,
+            shrunk,
+            soft: SoftRasterizer::new(),
+            solid: SolidRasterizer::new(),
+        })
     }
 
     /// Draws a soup of the world for the first photo; `None` when none is held out.
@@ -133,12 +143,14 @@ impl Evaluator {
         options: &SoftOptions,
     ) -> Result<Vec<PhotoScore>> {
         let scene = EvalScene::new(soup, space, options);
-        let (mut soft, mut solid) = (std::mem::take(&mut self.soft), std::mem::take(&mut self.solid));
+        let mut soft = std::mem::take(&mut self.soft);
+        let mut solid = std::mem::take(&mut self.solid);
         let scores = self.scores_of(most, options, |camera, options| {
             let camera = space.camera_to_training(camera);
             Ok(scene.draw(&camera, options, &mut soft, &mut solid))
         });
-        (self.soft, self.solid) = (soft, solid);
+        self.soft = soft;
+        self.solid = solid;
         scores
     }
 
@@ -194,7 +206,10 @@ impl EvalScene {
             colors: Colors::Face(soup.sh.iter().map(light).collect()),
             ..Mesh::default()
         };
-        Self::Solid(mesh, SolidRasterOptions { background: options.background, samples, near: options.near })
+        Self::Solid(
+            mesh,
+            SolidRasterOptions { background: options.background, samples, near: options.near },
+        )
     }
 
     /// The view of `camera`, in training space; solid scenes as an engine draws them.

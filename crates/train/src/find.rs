@@ -44,13 +44,17 @@ pub fn find_points(dataset: &mut Dataset, photo_bytes: u64) -> Result<()> {
     let some = found.len();
     if some < LEAST_PER_PHOTO * cameras.len() {
         let reason = "training starts from a random cloud in front of the cameras";
-        dataset.warnings.push(format!("{some} places where three photos agree are too few: {reason}"));
+        dataset
+            .warnings
+            .push(format!("{some} places where three photos agree are too few: {reason}"));
         return Ok(());
     }
     dataset.views.iter_mut().for_each(|view| view.tracked.clear());
     for (number, GrownPoint { point, photos }) in found.into_iter().enumerate() {
         dataset.points.push(Point { position: point.position, rgb: point.rgb, error: None });
-        photos.iter().for_each(|photo| dataset.views[chosen[*photo as usize]].tracked.push(number as u32));
+        photos
+            .iter()
+            .for_each(|photo| dataset.views[chosen[*photo as usize]].tracked.push(number as u32));
     }
     Ok(())
 }
@@ -82,8 +86,9 @@ fn search(photos: &[Grey], usual: f32) -> Vec<GrownPoint> {
     let of_photo = by_photo(photos.len(), &looked_at(photos, usual));
     let begin = |growth: &mut Growth<'_>, _: usize| growth.search(usual);
     // Far away a pixel is a larger share of the depth.
-    let same =
-        |found: f32, depth: f32| (found / depth - 1.0).abs() < SAME_FOUND * (0.5 * depth / usual).max(1.0);
+    let same = |found: f32, depth: f32| {
+        (found / depth - 1.0).abs() < SAME_FOUND * (0.5 * depth / usual).max(1.0)
+    };
     spread(photos, &others(photos, &of_photo), SEARCHED_CELLS, begin, same)
 }
 
@@ -93,10 +98,12 @@ fn looked_at(photos: &[Grey], usual: f32) -> Vec<Seed> {
     for (own, Grey { camera, .. }) in photos.iter().enumerate() {
         for i in 0..27u32 {
             let at = Vec2::new((i % 3) as f32 + 0.5, (i / 3 % 3) as f32 + 0.5) / 3.0;
-            let seen = ray(camera, at * camera.size.as_vec2()) * usual * 0.5 * 2f32.powf((i / 9) as f32);
+            let seen =
+                ray(camera, at * camera.size.as_vec2()) * usual * 0.5 * 2f32.powf((i / 9) as f32);
             let position = camera.rotation.transpose() * (seen - camera.translation);
             let point = 27 * own as u32 + i;
-            let shows = |photo: &usize| *photo == own || photos[*photo].camera.shows(position).is_some();
+            let shows =
+                |photo: &usize| *photo == own || photos[*photo].camera.shows(position).is_some();
             let shown = (0..photos.len()).filter(shows);
             seeds.extend(shown.map(|photo| Seed { photo: photo as u32, point, position }));
         }
@@ -134,18 +141,23 @@ mod tests {
     fn points_lie_on_the_surfaces_that_their_photos_show_and_train_better_than_a_random_cloud() {
         let (_folder, dataset) = hidden(24, 128);
         let found = found_by(1, &dataset);
-        let (mut right, mut all) = (0u32, 0u32);
+        let mut right = 0u32;
+        let mut all = 0u32;
         for view in found.train() {
             for (_, point) in found.tracked(view) {
                 let origin = view.camera.position().as_dvec3();
                 let direction = point.position.as_dvec3() - origin;
                 // A share of the distance to the point.
                 let distance = trace(Ray { origin, direction }).unwrap().distance;
-                (right, all) = (right + u32::from((distance - 1.0).abs() < 0.02), all + 1);
+                right = right + u32::from((distance - 1.0).abs() < 0.02);
+                all = all + 1;
             }
         }
         let count = found.points.len();
-        assert!(count > 1000 && f64::from(right) > 0.8 * f64::from(all), "{right} of {all}, {count} points");
+        assert!(
+            count > 1000 && f64::from(right) > 0.8 * f64::from(all),
+            "{right} of {all}, {count} points"
+        );
         assert!(found.test().all(|view| view.tracked.is_empty()), "held-out photos find nothing");
         let again = found_by(2, &dataset);
         assert_eq!(again.points, found.points);

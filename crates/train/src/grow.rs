@@ -83,8 +83,9 @@ pub(crate) struct Grey {
 impl Grey {
     /// `photo`, taken by `camera` at any size.
     pub(crate) fn new(camera: &Camera, photo: Arc<RgbImage>) -> Self {
-        let grey =
-            |[r, g, b]: [u8; 3]| (0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)) / 255.0;
+        let grey = |[r, g, b]: [u8; 3]| {
+            (0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)) / 255.0
+        };
         let value = photo.rgb.iter().map(|rgb| grey(*rgb)).collect();
         Self { camera: camera.resized(photo.size), value, photo }
     }
@@ -117,10 +118,14 @@ impl Grey {
             if !(p.x >= 0.0 && p.y >= 0.0 && p.x < most.x && p.y < most.y) {
                 return None;
             }
-            let (i, j) = (p.x as usize, p.y as usize);
-            let (u, v) = (p.x - i as f32, p.y - j as f32);
-            let (row, next) = (&self.value[j * width + i..][..2], &self.value[(j + 1) * width + i..][..2]);
-            let (top, bottom) = (row[0] + u * (row[1] - row[0]), next[0] + u * (next[1] - next[0]));
+            let i = p.x as usize;
+            let j = p.y as usize;
+            let u = p.x - i as f32;
+            let v = p.y - j as f32;
+            let row = &self.value[j * width + i..][..2];
+            let next = &self.value[(j + 1) * width + i..][..2];
+            let top = row[0] + u * (row[1] - row[0]);
+            let bottom = next[0] + u * (next[1] - next[0]);
             *out = top + v * (bottom - top);
         }
         Some(out)
@@ -198,7 +203,8 @@ impl Cells {
 
     /// The cells at the four sides of one.
     fn around(self, cell: u32) -> impl Iterator<Item = u32> {
-        let (x, y) = (cell % self.size.x, cell / self.size.x);
+        let x = cell % self.size.x;
+        let y = cell / self.size.x;
         let sides = [
             (x > 0).then(|| cell - 1),
             (x + 1 < self.size.x).then_some(cell + 1),
@@ -263,7 +269,8 @@ impl<'a> Growth<'a> {
         let mut trials = vec![0u8; self.planes.len()];
         while let Some((score, Reverse(cell))) = self.queue.pop() {
             let score = f32::from_bits(score);
-            let Some(plane) = self.planes[cell as usize].filter(|plane| plane.score == score) else {
+            let Some(plane) = self.planes[cell as usize].filter(|plane| plane.score == score)
+            else {
                 continue;
             };
             let from = ray(camera, self.cells.middle(cell));
@@ -306,7 +313,8 @@ impl<'a> Growth<'a> {
         weights.iter_mut().for_each(|weight| *weight /= total);
         let mean = weighted(&weights, &greys);
         greys.iter_mut().for_each(|grey| *grey -= mean);
-        let deviation = greys.iter().zip(&weights).map(|(d, weight)| weight * d * d).sum::<f32>().sqrt();
+        let deviation =
+            greys.iter().zip(&weights).map(|(d, weight)| weight * d * d).sum::<f32>().sqrt();
         let products = std::array::from_fn(|i| weights[i] * greys[i] / deviation);
         (deviation > LEAST_DEVIATION).then_some(Patch { weights, products })
     }
@@ -340,7 +348,8 @@ impl<'a> Growth<'a> {
         let mut best = [-1.0f32; 2];
         for other in &self.others {
             let Other { photo, turn, shift } = other;
-            let across = *turn + Mat3::from_cols(*shift * normal.x, *shift * normal.y, *shift * normal.z);
+            let across =
+                *turn + Mat3::from_cols(*shift * normal.x, *shift * normal.y, *shift * normal.z);
             let score = self.correlation(photo, &across, from, patch);
             if score > best[0] {
                 best = [score, best[0]];
@@ -353,9 +362,11 @@ impl<'a> Growth<'a> {
 
     /// Normalised correlation of a patch with its image under the homography `across`; -1 outside the other photo.
     fn correlation(&self, other: &Grey, across: &Mat3, from: Vec3, patch: &Patch) -> f32 {
-        let (own, camera) = (&self.own.camera, &other.camera);
+        let own = &self.own.camera;
+        let camera = &other.camera;
         let middle = *across * from;
-        let (right, down) = (across.x_axis / own.focal.x, across.y_axis / own.focal.y);
+        let right = across.x_axis / own.focal.x;
+        let down = across.y_axis / own.focal.y;
         if !(middle.z > 0.0) {
             return -1.0;
         }
@@ -365,7 +376,8 @@ impl<'a> Growth<'a> {
         });
         let Some(there) = other.sample(&at) else { return -1.0 };
         let mean = weighted(&patch.weights, &there);
-        let (mut square, mut product) = (1e-8f32, 0.0f32);
+        let mut square = 1e-8f32;
+        let mut product = 0.0f32;
         for ((value, weight), share) in there.iter().zip(&patch.weights).zip(&patch.products) {
             let difference = value - mean;
             square += weight * difference * difference;
@@ -397,8 +409,9 @@ pub(super) fn spread(
     begin: impl Fn(&mut Growth<'_>, usize) + Sync,
     same: impl Fn(f32, f32) -> bool,
 ) -> Vec<GrownPoint> {
-    let count =
-        |side: u32| photos.iter().map(|photo| Cells::new(&photo.camera, side).len() as u64).sum::<u64>();
+    let count = |side: u32| {
+        photos.iter().map(|photo| Cells::new(&photo.camera, side).len() as u64).sum::<u64>()
+    };
     let side = (LEAST_CELL..).find(|side| count(*side) <= most).unwrap_or(u32::MAX);
     let of_photo = |own: usize| {
         let mut growth = Growth::new(photos, own, &others[own], side);
@@ -413,7 +426,10 @@ pub(super) fn spread(
 pub(super) fn others(photos: &[Grey], of_photo: &[Vec<Seed>]) -> Vec<Vec<usize>> {
     let points = of_photo.iter().flatten().map(|seed| seed.point as usize + 1).max().unwrap_or(0);
     let mut shown_by: Vec<Vec<usize>> = vec![Vec::new(); points];
-    of_photo.iter().flatten().for_each(|seed| shown_by[seed.point as usize].push(seed.photo as usize));
+    of_photo
+        .iter()
+        .flatten()
+        .for_each(|seed| shown_by[seed.point as usize].push(seed.photo as usize));
     let eyes: Vec<Vec3> = photos.iter().map(|photo| photo.camera.position()).collect();
     let best = |own: usize| {
         let mut weights = vec![0.0f32; photos.len()];
@@ -423,7 +439,8 @@ pub(super) fn others(photos: &[Grey], of_photo: &[Vec<Seed>]) -> Vec<Vec<usize>>
                 weights[other] += (angle / BEST_ANGLE).min(BEST_ANGLE / angle);
             }
         }
-        let mut order: Vec<usize> = (0..photos.len()).filter(|other| weights[*other] > 0.0).collect();
+        let mut order: Vec<usize> =
+            (0..photos.len()).filter(|other| weights[*other] > 0.0).collect();
         order.sort_by(|a, b| weights[*b].total_cmp(&weights[*a]).then(a.cmp(b)));
         order.truncate(OTHERS);
         order
@@ -465,10 +482,14 @@ fn agreed(
                 continue;
             }
             shown.iter().for_each(|&(other, cell)| used[other][cell as usize] = true);
-            let mut by: Vec<u32> = shown.iter().map(|(other, _)| *other as u32).chain([own as u32]).collect();
+            let mut by: Vec<u32> =
+                shown.iter().map(|(other, _)| *other as u32).chain([own as u32]).collect();
             by.sort_unstable();
-            let point =
-                KnownPoint { position, rgb: photo.rgb[photos[own].index(at)], normal: back * plane.normal };
+            let point = KnownPoint {
+                position,
+                rgb: photo.rgb[photos[own].index(at)],
+                normal: back * plane.normal,
+            };
             grown.push(GrownPoint { point, photos: by });
         }
     }
@@ -522,7 +543,8 @@ mod tests {
     #[test]
     fn nothing_grows_without_texture_or_from_a_wrong_place() {
         let mut photos: Vec<Grey> = eyes().into_iter().map(photo).collect();
-        let seeds = |position| (0..4).map(|photo| Seed { photo, point: 0, position }).collect::<Vec<_>>();
+        let seeds =
+            |position| (0..4).map(|photo| Seed { photo, point: 0, position }).collect::<Vec<_>>();
         assert_eq!(grow(&photos, &seeds(Vec3::new(0.1, 0.05, 2.5)), 10_000).len(), 0);
         photos.iter_mut().for_each(|photo| photo.value.fill(0.5));
         assert_eq!(grow(&photos, &seeds(Vec3::new(0.1, 0.05, 4.02)), 10_000).len(), 0);

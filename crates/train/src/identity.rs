@@ -57,13 +57,18 @@ impl RunIdentity {
     /// The first difference, in words; pixels are not compared.
     pub(super) fn difference(&self, now: &Self) -> Option<String> {
         if self.background != now.background {
-            let (was, is) = (color(self.background), color(now.background));
+            let was = color(self.background);
+            let is = color(now.background);
             return Some(format!("its background was {was} and is {is} (`background`)"));
         }
         for (was, is) in self.photos.iter().zip(&now.photos) {
-            let (name, [w, h], [width, height]) = (&was.name, was.size, is.size);
+            let name = &was.name;
+            let [w, h] = was.size;
+            let [width, height] = is.size;
             if was.size != is.size {
-                return Some(format!("its photo {name} was {w}x{h} px and is {width}x{height} (`max_size`)"));
+                return Some(format!(
+                    "its photo {name} was {w}x{h} px and is {width}x{height} (`max_size`)"
+                ));
             }
             if was.pose != is.pose {
                 return Some(format!("the camera of its photo {name} differs"));
@@ -73,7 +78,9 @@ impl RunIdentity {
             return Some("the points of its data set differ".into());
         }
         match (self.from, now.from) {
-            (Some(was), Some(is)) if was != is => Some("the scene it started from differs (`from`)".into()),
+            (Some(was), Some(is)) if was != is => {
+                Some("the scene it started from differs (`from`)".into())
+            }
             _ => None,
         }
     }

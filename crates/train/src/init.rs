@@ -27,11 +27,12 @@ pub(crate) struct InitPoint {
 
 /// The first soup, SH degree 0. Points that are not finite are left out.
 pub(crate) fn first_soup(points: &[InitPoint], options: &InitOptions, seed: u64) -> Soup {
-    let points: Vec<InitPoint> = points.iter().copied().filter(|p| p.position.is_finite()).collect();
+    let points: Vec<InitPoint> =
+        points.iter().copied().filter(|p| p.position.is_finite()).collect();
     let distances = mean_distances(&points.iter().map(|p| p.position).collect::<Vec<_>>());
     // A point without neighbours, or at the same place as these, gets the median size.
-    let typical =
-        median(distances.iter().copied().filter(|d| *d > 0.0).collect(), f32::total_cmp).unwrap_or(0.05);
+    let typical = median(distances.iter().copied().filter(|d| *d > 0.0).collect(), f32::total_cmp)
+        .unwrap_or(0.05);
     let radii: Vec<f32> = distances
         .iter()
         .map(|&d| options.size as f32 * if d > 1e-4 * typical { d } else { typical })
@@ -42,7 +43,9 @@ pub(crate) fn first_soup(points: &[InitPoint], options: &InitOptions, seed: u64)
     Soup {
         vertices: (0..n)
             .map(|i| {
-                std::array::from_fn(|c| points[i].position + radii[i] * rng.on_sphere((3 * i + c) as u64))
+                std::array::from_fn(|c| {
+                    points[i].position + radii[i] * rng.on_sphere((3 * i + c) as u64)
+                })
             })
             .collect(),
         opacity: vec![FIRST_OPACITY; n],
@@ -61,7 +64,11 @@ mod tests {
         let rng = Rng::new(9, "grid", 0);
         (0..n)
             .map(|i| InitPoint {
-                position: Vec3::new(rng.uniform(3 * i), rng.uniform(3 * i + 1), rng.uniform(3 * i + 2)),
+                position: Vec3::new(
+                    rng.uniform(3 * i),
+                    rng.uniform(3 * i + 1),
+                    rng.uniform(3 * i + 2),
+                ),
                 rgb: [0.5, 0.25, 1.0],
             })
             .collect()
@@ -69,7 +76,8 @@ mod tests {
 
     #[test]
     fn corners_lie_on_spheres_around_the_points() {
-        let (points, options) = (grid(200), InitOptions::default());
+        let points = grid(200);
+        let options = InitOptions::default();
         let distances = mean_distances(&points.iter().map(|p| p.position).collect::<Vec<_>>());
         let soup = first_soup(&points, &options, 1);
         soup.validate().unwrap();

@@ -118,10 +118,13 @@ impl KnownDepth {
         let is_usable = |(i, point): &(usize, &Point)| {
             !Dataset::judges_depth(*i) && point.error.is_none_or(|error| error <= MOST_ERROR)
         };
-        let (mut numbers, mut seeds) = (vec![None; dataset.points.len()], Vec::new());
+        let mut numbers = vec![None; dataset.points.len()];
+        let mut seeds = Vec::new();
         for (photo, (view, camera)) in dataset.train().zip(cameras).enumerate() {
             let shown = |(_, point): &(usize, &Point)| view.camera.shows(point.position).is_some();
-            for (i, Point { position, rgb, .. }) in dataset.tracked(view).filter(is_usable).filter(shown) {
+            for (i, Point { position, rgb, .. }) in
+                dataset.tracked(view).filter(is_usable).filter(shown)
+            {
                 let position = space.to_training(*position);
                 let number = *numbers[i].get_or_insert_with(|| {
                     let normal = (camera.position() - position).normalize_or_zero();
@@ -142,7 +145,8 @@ impl KnownDepth {
     fn lay_in_surfaces(&mut self, cameras: &[Camera]) {
         let mut pixels = vec![f32::INFINITY; self.points.len()];
         for &(photo, point) in &self.rays {
-            let (camera, pixel) = (&cameras[photo as usize], &mut pixels[point as usize]);
+            let camera = &cameras[photo as usize];
+            let pixel = &mut pixels[point as usize];
             let distance = self.points[point as usize].position.distance(camera.position());
             *pixel = pixel.min(distance / camera.focal.x);
         }
@@ -160,7 +164,10 @@ impl KnownDepth {
                     normal += across * across.dot(self.points[i].normal).signum();
                 }
             }
-            ((RADIUS * gap).min(MOST_RADIUS_PX * pixels[i]), normal.normalize_or(self.points[i].normal))
+            (
+                (RADIUS * gap).min(MOST_RADIUS_PX * pixels[i]),
+                normal.normalize_or(self.points[i].normal),
+            )
         });
         for (point, (radius, normal)) in self.points.iter_mut().zip(planes) {
             point.normal = normal;
@@ -182,7 +189,8 @@ impl KnownDepth {
             let mut sums = vec![[Vec3::ZERO; 2]; greys.len()];
             for &(photo, point, color) in &seen {
                 let [both, square] = &mut sums[photo];
-                (*both, *square) = (*both + means[point] * color, *square + color * color);
+                *both = *both + means[point] * color;
+                *square = *square + color * color;
             }
             let gain = |[both, square]: &[Vec3; 2]| {
                 Vec3::select(square.cmpgt(Vec3::splat(1e-3)), *both / *square, Vec3::ONE)
@@ -208,7 +216,8 @@ impl KnownDepth {
         let mut sums = vec![(Vec3::ZERO, 0.0f32); self.points.len()];
         for &(photo, point, color) in seen {
             let (sum, count) = &mut sums[point];
-            (*sum, *count) = (*sum + color * gains[photo], *count + 1.0);
+            *sum = *sum + color * gains[photo];
+            *count = *count + 1.0;
         }
         sums.iter().map(|(sum, count)| *sum / count.max(1.0)).collect()
     }
@@ -247,7 +256,8 @@ impl KnownDepth {
         let drawn: Vec<u32> =
             (0..alive.len() as u32).filter(|&i| alive[i as usize] && is_finite(i)).collect();
         let positions = drawn.iter().flat_map(|&i| params.vertices[i as usize]).collect();
-        let (mesh, tree) = (Mesh { positions, ..Mesh::default() }, RayTree::default());
+        let mesh = Mesh { positions, ..Mesh::default() };
+        let tree = RayTree::default();
         parallel::collect(self.rays.len(), GRAIN, |ray| {
             let (photo, point) = self.rays[ray];
             let eye = eyes[photo as usize];
@@ -265,7 +275,8 @@ impl KnownDepth {
             let face = &mut found[face as usize];
             if error < -SAME_SURFACE {
                 face.photos += u32::from(face.last != *photo);
-                (face.rays, face.last) = (face.rays + 1, *photo);
+                face.rays = face.rays + 1;
+                face.last = *photo;
             } else if error <= SAME_SURFACE {
                 face.right += 1;
             }
@@ -281,7 +292,9 @@ impl KnownDepth {
     fn moves(&self, seen: &[Seen], state: &TrainState, eyes: &[Vec3]) -> Vec<Vec3> {
         let mut sums = vec![(Vec3::ZERO, 0.0f32); state.params.len()];
         for (&(photo, point), seen) in self.rays.iter().zip(seen) {
-            let Some((face, error)) = seen.filter(|(_, error)| error.abs() <= NEARLY_RIGHT) else { continue };
+            let Some((face, error)) = seen.filter(|(_, error)| error.abs() <= NEARLY_RIGHT) else {
+                continue;
+            };
             let (sum, count) = &mut sums[face as usize];
             *sum -= error * (self.points[point as usize].position - eyes[photo as usize]);
             *count += 1.0;
@@ -301,8 +314,9 @@ impl KnownDepth {
             through[point as usize] +=
                 if seen.is_none_or(|(_, error)| error > SAME_SURFACE) { 1 } else { -1 };
         }
-        let is_hole =
-            |&point: &u32| through[point as usize] > 0 && self.spread[point as usize] <= MOST_SPREAD;
+        let is_hole = |&point: &u32| {
+            through[point as usize] > 0 && self.spread[point as usize] <= MOST_SPREAD
+        };
         (0..through.len() as u32).filter(is_hole).collect()
     }
 
@@ -341,7 +355,12 @@ struct Blocked {
 }
 
 /// The photos in grey, with sides of at most `longest` px; decoded at `level`.
-pub(crate) fn greys(photos: &mut Pyramid, level: u32, cameras: &[Camera], longest: f64) -> Result<Vec<Grey>> {
+pub(crate) fn greys(
+    photos: &mut Pyramid,
+    level: u32,
+    cameras: &[Camera],
+    longest: f64,
+) -> Result<Vec<Grey>> {
     let sizes = (0..cameras.len()).map(|i| photos.size(i, level).as_dvec2());
     let sizes: Vec<_> = sizes.map(|size| size * (longest / size.max_element()).min(1.0)).collect();
     let pixels: f64 = sizes.iter().map(|size| size.element_product()).sum();
@@ -399,10 +418,15 @@ mod tests {
 
     #[test]
     fn a_triangle_that_is_a_little_off_its_points_moves_half_of_the_way_along_its_normal() {
-        for (z, pinned, wanted) in [(2.04, 0, -0.02), (1.96, 0, 0.02), (2.2, 0, 0.0), (2.04, 1, 0.0)] {
+        for (z, pinned, wanted) in
+            [(2.04, 0, -0.02), (1.96, 0, 0.02), (2.2, 0, 0.0), (2.04, 1, 0.0)]
+        {
             let state = TrainState { pinned, ..state(&[across(z)]) };
             let moves = repair(&known(), &state, 3).moves;
-            assert!(moves.len() == 1 && moves[0].distance(wanted * Vec3::Z) < 1e-5, "{z}: {moves:?}");
+            assert!(
+                moves.len() == 1 && moves[0].distance(wanted * Vec3::Z) < 1e-5,
+                "{z}: {moves:?}"
+            );
         }
     }
 
@@ -416,7 +440,10 @@ mod tests {
         (0..filled.len()).for_each(|i| state.push_fresh(&filled, i));
         assert!(filled.vertices.as_flattened().iter().all(|v| (v.z - 2.0).abs() < 1e-5));
         assert!(repair(&known, &state, 3).holes.is_empty());
-        assert!(state.params.is_finite(3) && (filled.sh[0][0] - sh0_from_rgb(128.0 / 255.0)).abs() < 1e-6);
+        assert!(
+            state.params.is_finite(3)
+                && (filled.sh[0][0] - sh0_from_rgb(128.0 / 255.0)).abs() < 1e-6
+        );
     }
 
     #[test]
@@ -427,7 +454,8 @@ mod tests {
 
     #[test]
     fn a_triangle_before_points_goes_unless_most_of_its_photos_know_nothing_against_it() {
-        let (known, scene) = (known(), state(&[across(1.0), across(2.0)]));
+        let known = known();
+        let scene = state(&[across(1.0), across(2.0)]);
         assert_eq!(repair(&known, &scene, 3).blocks, [true, false]);
         assert_eq!(
             repair(&known, &scene, 7).blocks,
@@ -436,7 +464,11 @@ mod tests {
         );
         assert_eq!(repair(&known, &TrainState { pinned: 1, ..scene }, 3).blocks, [false, false]);
         let alone = KnownDepth { rays: (0..9).map(|point| (0, point)).collect(), ..known };
-        assert_eq!(repair(&alone, &state(&[across(1.0)]), 1).blocks, [false], "one photo is no evidence");
+        assert_eq!(
+            repair(&alone, &state(&[across(1.0)]), 1).blocks,
+            [false],
+            "one photo is no evidence"
+        );
     }
 
     #[test]

@@ -57,7 +57,9 @@ pub use find::find_points;
 #[cfg(feature = "gpu")]
 pub use gpu::{CardScene, GpuBackend, GpuLimits};
 pub use identity::{PhotoIdentity, RunIdentity};
-pub use options::{DensifyOptions, InitOptions, REFERENCE_STEPS, SampleWeight, TrainOptions, TrainPreset};
+pub use options::{
+    DensifyOptions, InitOptions, REFERENCE_STEPS, SampleWeight, TrainOptions, TrainPreset,
+};
 pub use outputs::{TrainEvent, TrainObserver};
 pub use params::{Anneal, Core, Params, TrainState};
 pub use run::speed;

@@ -275,7 +275,8 @@ impl TrainOptions {
         let milestones = &self.milestones;
         let rising = milestones.is_sorted() && milestones[3] <= self.steps;
         if *milestones != [0; 4] && !(rising && milestones[0] > 0) {
-            let wants = "four steps of the run that do not fall, the first above 0, or [0, 0, 0, 0]";
+            let wants =
+                "four steps of the run that do not fall, the first above 0, or [0, 0, 0, 0]";
             return Err(Error::invalid("milestones", format!("{milestones:?}"), wants));
         }
         Ok(())

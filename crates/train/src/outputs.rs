@@ -115,7 +115,11 @@ impl<'a> Recorder<'a> {
     }
 
     /// Seconds on the clock of a budget for the evaluation at the end, by that of one photo, which counts too.
-    pub(super) fn evaluation_secs(&mut self, training: &mut Training<'_>, clock: &Spending) -> Result<f64> {
+    pub(super) fn evaluation_secs(
+        &mut self,
+        training: &mut Training<'_>,
+        clock: &Spending,
+    ) -> Result<f64> {
         let before = clock.seconds();
         self.uncounted(|run| run.scores(training, 1))?;
         Ok((clock.seconds() - before) * (self.evaluator.views.len() + 1) as f64)
@@ -131,14 +135,16 @@ impl<'a> Recorder<'a> {
                 .evaluator
                 .scores_of(most, &drawing, |camera, drawing| training.picture(camera, drawing));
         }
-        let (soup, space) = (training.soup()?, training.space());
+        let soup = training.soup()?;
+        let space = training.space();
         self.evaluator.scores(most, &soup, &space, &drawing)
     }
 
     /// Writes a checkpoint, if the run has any; returns its step and path.
     pub(super) fn checkpoint(&mut self, training: &mut Training<'_>) -> Option<(u64, PathBuf)> {
         let path = training.outputs.checkpoint.clone()?;
-        let (keep, spent) = (training.outputs.keep, self.cpu_secs());
+        let keep = training.outputs.keep;
+        let spent = self.cpu_secs();
         let written = training.checkpoint(spent).and_then(|checkpoint| {
             Ok((checkpoint.meta.step, checkpoint::write_kept(&path, &checkpoint, keep)?))
         });
@@ -162,7 +168,9 @@ impl<'a> Recorder<'a> {
         let step = training.steps();
         let written = self.uncounted(|run| {
             std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
-            let (soup, space, drawing) = (training.soup()?, training.space(), training.drawing());
+            let soup = training.soup()?;
+            let space = training.space();
+            let drawing = training.drawing();
             match run.evaluator.first_picture(&soup, &space, &drawing) {
                 Some(picture) => picture.save_png(folder.join(format!("{PREVIEW}{step:06}.png"))),
                 None => Ok(()),

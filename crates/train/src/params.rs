@@ -226,7 +226,8 @@ impl TrainState {
     /// An empty state for the same SH degree.
     pub fn empty_like(&self) -> Self {
         let empty = Params { sh_degree: self.params.sh_degree, ..Params::default() };
-        let (pinned, frozen) = (self.pinned, self.frozen);
+        let pinned = self.pinned;
+        let frozen = self.frozen;
         Self { params: empty.clone(), first: empty.clone(), second: empty, pinned, frozen }
     }
 }
@@ -248,7 +249,8 @@ impl Core {
     pub(super) fn holds(&self, params: &Params, i: usize) -> bool {
         let middle = centroid(params.vertices[i]);
         (0..3).all(|k| {
-            self.low[k].is_none_or(|low| middle[k] >= low) && self.high[k].is_none_or(|high| middle[k] < high)
+            self.low[k].is_none_or(|low| middle[k] >= low)
+                && self.high[k].is_none_or(|high| middle[k] < high)
         })
     }
 }

@@ -91,7 +91,8 @@ impl Pyramid {
     pub(crate) fn take(&mut self, i: usize, level: u32) -> Result<Arc<RgbImage>> {
         if level != self.level {
             self.small.fill(None);
-            (self.small_bytes, self.file) = (0, PictureFile::default());
+            self.small_bytes = 0;
+            self.file = PictureFile::default();
             self.level = level;
         }
         match self.small.get(i).and_then(Option::as_ref) {

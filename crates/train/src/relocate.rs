@@ -53,7 +53,8 @@ mod tests {
     /// 100 triangles with falling visibility; the first five are pinned, the last one is young.
     fn scene() -> (Vec<bool>, VisibilityStats) {
         let mut visibility = VisibilityStats::new(100, 3);
-        visibility.sum_weight = (0..100).map(|i| if i < 5 { 0.0 } else { 200.0 - i as f32 }).collect();
+        visibility.sum_weight =
+            (0..100).map(|i| if i < 5 { 0.0 } else { 200.0 - i as f32 }).collect();
         visibility.exempt[99] = true;
         (vec![true; 100], visibility)
     }
@@ -75,7 +76,10 @@ mod tests {
             removed(&Relocation { max_triangles: 111, ..RELOCATION }, 0),
             (89..99).collect::<Vec<_>>()
         );
-        assert!(removed(&Relocation { max_triangles: 112, ..RELOCATION }, 0).is_empty(), "there is room");
+        assert!(
+            removed(&Relocation { max_triangles: 112, ..RELOCATION }, 0).is_empty(),
+            "there is room"
+        );
         assert!(removed(&Relocation { share: 0.0, ..RELOCATION }, 0).is_empty());
         // Frozen triangles do not count against the limit.
         assert_eq!(
@@ -88,9 +92,19 @@ mod tests {
     #[test]
     fn an_overfull_scene_comes_down_to_its_limit_step_by_step() {
         let still = Relocation { share: 0.0, ..RELOCATION };
-        assert_eq!(removed(&Relocation { max_triangles: 95, ..still }, 0), (94..99).collect::<Vec<_>>());
-        assert_eq!(removed(&Relocation { max_triangles: 10, ..still }, 0), (89..99).collect::<Vec<_>>());
-        assert_eq!(removed(&Relocation { max_triangles: 10, ..RELOCATION }, 0).len(), 19, "and makes room");
+        assert_eq!(
+            removed(&Relocation { max_triangles: 95, ..still }, 0),
+            (94..99).collect::<Vec<_>>()
+        );
+        assert_eq!(
+            removed(&Relocation { max_triangles: 10, ..still }, 0),
+            (89..99).collect::<Vec<_>>()
+        );
+        assert_eq!(
+            removed(&Relocation { max_triangles: 10, ..RELOCATION }, 0).len(),
+            19,
+            "and makes room"
+        );
         let (mut alive, visibility) = scene();
         let room = Relocation { max_triangles: 1, ..still };
         for _ in 0..200 {
@@ -103,8 +117,13 @@ mod tests {
     fn no_more_go_than_grow_back() {
         assert_eq!(removed(&Relocation { share: 1.0, growth: 0.25, ..RELOCATION }, 0).len(), 20);
         assert!(removed(&Relocation { growth: 0.0, ..RELOCATION }, 0).is_empty());
-        let (mut alive, visibility) = (vec![true], VisibilityStats::new(1, 1));
+        let mut alive = vec![true];
+        let visibility = VisibilityStats::new(1, 1);
         let all = Relocation { share: 1.0, growth: 1e9, max_triangles: 1 };
-        assert_eq!(make_room(&mut alive, &visibility, (0, 0), &all), 0, "a scene keeps its last triangle");
+        assert_eq!(
+            make_room(&mut alive, &visibility, (0, 0), &all),
+            0,
+            "a scene keeps its last triangle"
+        );
     }
 }

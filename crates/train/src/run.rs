@@ -33,12 +33,14 @@ impl<'a> TrainRun<'a> {
     /// Errors: those of [`TrainRun::start`]; `gpu` without a matching card, with one that cannot be opened,
     /// or with a budget.
     pub fn start_at(self, place: &BackendOptions) -> Result<Training<'a>> {
-        let has_budget = self.paced.is_some() || self.resumed().is_some_and(|meta| meta.pace.is_some());
+        let has_budget =
+            self.paced.is_some() || self.resumed().is_some_and(|meta| meta.pace.is_some());
         let place = if has_budget { place.of_budget()? } else { place.clone() };
         let (backend, card, mut warnings) = place.open(self.drawing(), self.size())?;
         let mut training = self.start_on(backend)?;
         warnings.append(&mut training.warnings);
-        (training.card, training.warnings) = (card, warnings);
+        training.card = card;
+        training.warnings = warnings;
         Ok(training)
     }
 
@@ -58,8 +60,9 @@ impl<'a> TrainRun<'a> {
         }
         let pace = self.resumed()?.pace.as_ref()?;
         let clock = pace.budget.clock;
-        let spending =
-            self.began.map_or_else(|| Spending::new(clock), |began| Spending::of_process(clock, began));
+        let spending = self
+            .began
+            .map_or_else(|| Spending::new(clock), |began| Spending::of_process(clock, began));
         Some(spending.after(pace.stored_secs))
     }
 
@@ -130,9 +133,13 @@ impl Training<'_> {
     /// Makes the steps; returns whether the run was stopped, and its last sample if it made a step.
     fn make_steps(&mut self, record: &mut Recorder<'_>) -> Result<(bool, Option<TrainSample>)> {
         let total = self.options().steps;
-        let every =
-            if self.outputs.sample_every == 0 { total.div_ceil(100) } else { self.outputs.sample_every };
-        let (before, mut last) = (self.steps(), None);
+        let every = if self.outputs.sample_every == 0 {
+            total.div_ceil(100)
+        } else {
+            self.outputs.sample_every
+        };
+        let before = self.steps();
+        let mut last = None;
         while !self.is_over() {
             match self.make_step(every, record) {
                 Ok((now, stopped)) => {
@@ -160,7 +167,8 @@ impl Training<'_> {
     /// whether to stop.
     fn make_step(&mut self, every: u64, record: &mut Recorder<'_>) -> Result<(TrainSample, bool)> {
         let (densified, width_px) = self.step()?;
-        let (step, evaluate_every) = (self.steps(), self.outputs.evaluate_every);
+        let step = self.steps();
+        let evaluate_every = self.outputs.evaluate_every;
         let due = |every: u64| every > 0 && step.is_multiple_of(every);
         let is_kept = due(every) || due(evaluate_every);
         let mut now = record.sample(self, width_px, is_kept)?;
@@ -206,7 +214,8 @@ impl Training<'_> {
     ///
     /// Errors: those of [`Training::soup`]; no triangle is left.
     fn trained(&mut self) -> Result<(Soup, Option<String>)> {
-        let (frozen, pinned) = (self.meta.frozen, self.meta.pinned);
+        let frozen = self.meta.frozen;
+        let pinned = self.meta.pinned;
         let mut soup = self.soup()?.split_off(frozen);
         soup.set_shell(0..pinned - frozen);
         let all = soup.len();
@@ -220,7 +229,9 @@ impl Training<'_> {
             return Err(Error::invalid("rates", "too high for this scene", expected));
         }
         let lost = (gone > 0).then(|| {
-            format!("{gone} of {all} triangles, whose numbers are no longer finite: lower the rates")
+            format!(
+                "{gone} of {all} triangles, whose numbers are no longer finite: lower the rates"
+            )
         });
         Ok((soup, lost))
     }
@@ -233,7 +244,8 @@ impl Training<'_> {
                 (Provenance { generator: ours.clone(), trainer: ours, ..provenance }, cameras)
             }
             None => {
-                let exposure = self.meta.exposure.verdict.map(|verdict| verdict.strengths.to_array());
+                let exposure =
+                    self.meta.exposure.verdict.map(|verdict| verdict.strengths.to_array());
                 let provenance = Provenance { exposure, ..provenance(self.dataset) };
                 (provenance, self.dataset.train().map(|view| view.camera).collect())
             }
@@ -243,13 +255,16 @@ impl Training<'_> {
     /// At a milestone, chooses the remaining steps anew.
     fn keep_pace(&mut self, record: &mut Recorder<'_>) -> Result<()> {
         let Some(spending) = self.spending else { return Ok(()) };
-        let (step, triangles, spent) = (self.steps(), self.triangles() as u64, spending.seconds());
+        let step = self.steps();
+        let triangles = self.triangles() as u64;
+        let spent = spending.seconds();
         let is_last = self.options().milestones.last() == Some(&step);
         let reserve = is_last.then(|| record.evaluation_secs(self, &spending)).transpose()?;
         let Some(pace) = &mut self.meta.pace else { return Ok(()) };
         pace.reserve_secs = reserve.or(pace.reserve_secs);
         if let Some(options) = pace.corrected(step, spent, triangles, &self.meta.options) {
-            (self.meta.options.steps, self.meta.options.milestones) = (options.steps, options.milestones);
+            (self.meta.options.steps, self.meta.options.milestones) =
+                (options.steps, options.milestones);
             if let Some(correction) = pace.corrections.last() {
                 record.tell(TrainEvent::Corrected(correction));
             }
@@ -263,7 +278,10 @@ fn with_remedy(error: Error, checkpoint: Option<(u64, PathBuf)>) -> Error {
     match (error, checkpoint) {
         (error @ (Error::Gpu(_) | Error::TooLarge { .. }), Some((step, path))) => Error::Card {
             error: Box::new(error),
-            remedy: format!("to continue from step {step}: `backend` cpu `resume` {}", path.display()),
+            remedy: format!(
+                "to continue from step {step}: `backend` cpu `resume` {}",
+                path.display()
+            ),
         },
         (error, _) => error,
     }
@@ -286,19 +304,22 @@ pub fn speed(
 ) -> Result<f64> {
     let apart = (dataset.train().count() / MEASURED_PHOTOS).max(1);
     let some = dataset.train().step_by(apart).take(MEASURED_PHOTOS);
-    let decoded = |view: &View| Ok(View { photo: Photo::drawn(view.photo.decode()?), ..view.clone() });
+    let decoded =
+        |view: &View| Ok(View { photo: Photo::drawn(view.photo.decode()?), ..view.clone() });
     let dataset = Dataset { views: some.map(decoded).collect::<Result<_>>()?, ..dataset.clone() };
     // Positions of this schedule are steps, so the first ones contain nothing else.
-    let (steps, warmup) =
-        (REFERENCE_STEPS as u64, WarmupOptions { quarter_until: 0.0, half_until: REFERENCE_STEPS });
+    let steps = REFERENCE_STEPS as u64;
+    let warmup = WarmupOptions { quarter_until: 0.0, half_until: REFERENCE_STEPS };
     let options = TrainOptions { steps, milestones: [0; 4], warmup, ..options.clone() };
-    let mut run = TrainRun { background, photo_bytes: u64::MAX, ..TrainRun::new(&dataset, &options) };
+    let mut run =
+        TrainRun { background, photo_bytes: u64::MAX, ..TrainRun::new(&dataset, &options) };
     run.from = from.cloned();
     let mut training = run.start()?;
     // The first step allocates.
     training.step()?;
     let before = spending.seconds();
-    let (mut expected, mut taken) = (0.0, 0.0);
+    let mut expected = 0.0;
+    let mut taken = 0.0;
     while taken < MEASURED_SECS && training.steps() < MEASURED_STEPS {
         for view in &dataset.views {
             training.step()?;
@@ -308,5 +329,9 @@ pub fn speed(
         taken = spending.seconds() - before;
     }
     let wants = "a system that reports CPU time, or `budget_wall`";
-    if taken > 0.0 { Ok(taken / expected) } else { Err(Error::invalid("budget", "in CPU time", wants)) }
+    if taken > 0.0 {
+        Ok(taken / expected)
+    } else {
+        Err(Error::invalid("budget", "in CPU time", wants))
+    }
 }

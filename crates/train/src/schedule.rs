@@ -143,7 +143,8 @@ impl<'a> Schedule<'a> {
 
     /// The values for step `step` (from 0).
     pub fn rates(&self, step: u64) -> StepParams {
-        let (o, l) = (self.options, &self.options.loss);
+        let o = self.options;
+        let l = &self.options.loss;
         let engine = self.is_opaque(step);
         let geometry = step >= self.scaled(GEOMETRY_FROM);
         StepParams {
@@ -160,7 +161,8 @@ impl<'a> Schedule<'a> {
             beta_normal: if geometry { l.normal } else { 0.0 },
             beta_size: if step < self.scaled(SIZE_UNTIL) { l.size } else { 0.0 },
             sparse: o.rates.sparse,
-            alpha_cap: if engine { ENGINE_ALPHA_CAP } else { ALPHA_CAP }.max(self.anneal(step).opacity_floor),
+            alpha_cap: if engine { ENGINE_ALPHA_CAP } else { ALPHA_CAP }
+                .max(self.anneal(step).opacity_floor),
             anneal: self.anneal(step),
             engine_shading: engine,
             background: None,
@@ -182,7 +184,11 @@ impl<'a> Schedule<'a> {
     /// Times the photo is halved at this step: 2, 1 or 0.
     pub fn level(&self, step: u64) -> u32 {
         let w = &self.options.warmup;
-        if step < self.scaled(w.quarter_until) { 2 } else { u32::from(step < self.scaled(w.half_until)) }
+        if step < self.scaled(w.quarter_until) {
+            2
+        } else {
+            u32::from(step < self.scaled(w.half_until))
+        }
     }
 
     /// True once every triangle is opaque, with engine shading.
@@ -196,7 +202,8 @@ impl<'a> Schedule<'a> {
             let length = (end - start).max(1.0);
             return ((self.timeline.position(step + 1) - start) / length).clamp(0.0, 1.0);
         }
-        let (from, until) = (self.scaled(start), self.scaled(end).max(self.scaled(start) + 1));
+        let from = self.scaled(start);
+        let until = self.scaled(end).max(self.scaled(start) + 1);
         if !self.options.ends_solid() || step < from {
             return 0.0;
         }
@@ -244,7 +251,9 @@ impl<'a> Schedule<'a> {
 
     /// Rate of the corners: log-linear over the run, and again from the beginning of engine shading.
     fn corners_rate(&self, step: u64) -> f64 {
-        let (o, s, steps) = (self.options, &self.options.solid, self.options.steps.max(1));
+        let o = self.options;
+        let s = &self.options.solid;
+        let steps = self.options.steps.max(1);
         let soft = |step: u64| o.rates.corners * CORNERS_FINAL_SHARE.powf(self.share(step));
         if !self.is_opaque(step) {
             return soft(step);
@@ -294,11 +303,14 @@ mod tests {
         for steps in [300u64, 3000, 30_000] {
             let options = TrainOptions { steps, ..TrainOptions::preset(TrainPreset::Indoor) };
             let plan = Schedule::new(&options);
-            let share = |f: &dyn Fn(u64) -> bool| (0..steps).filter(|&s| f(s)).count() as f64 / steps as f64;
+            let share = |f: &dyn Fn(u64) -> bool| {
+                (0..steps).filter(|&s| f(s)).count() as f64 / steps as f64
+            };
             assert!((share(&|s| plan.level(s) == 2) - 0.4).abs() < 0.01);
             assert!((share(&|s| plan.rates(s).beta_normal > 0.0) - 5.0 / 6.0).abs() < 0.01);
             assert_eq!((0..steps).filter(|&s| plan.densifies_after(s)).count(), 59);
-            let (first, last) = (plan.rates(0), plan.rates(steps - 1));
+            let first = plan.rates(0);
+            let last = plan.rates(steps - 1);
             assert!((last.corners / first.corners / 0.01 - 1.0).abs() < 0.02);
             assert_eq!((first.sh_degree, last.sh_degree), (0, 3));
         }
@@ -309,7 +321,10 @@ mod tests {
         let options = TrainOptions::preset(TrainPreset::Solid);
         let plan = Schedule::new(&options);
         let before = plan.scaled(options.solid.opacity_from) - 1;
-        assert_eq!((plan.anneal(before).opacity_floor, plan.anneal(before).opacity_gain), (0.0, 1.0));
+        assert_eq!(
+            (plan.anneal(before).opacity_floor, plan.anneal(before).opacity_gain),
+            (0.0, 1.0)
+        );
         assert_eq!(plan.prune_weight(before), options.densify.prune_weight);
         let last = options.steps - 1;
         assert_eq!(plan.anneal(last), Anneal::SOLID);
@@ -328,8 +343,11 @@ mod tests {
     #[test]
     fn what_follows_a_milestone_changes_nothing_before_it() {
         for preset in [TrainPreset::Solid, TrainPreset::Indoor] {
-            let options =
-                |steps, milestones| TrainOptions { steps, milestones, ..TrainOptions::preset(preset) };
+            let options = |steps, milestones| TrainOptions {
+                steps,
+                milestones,
+                ..TrainOptions::preset(preset)
+            };
             let planned = options(1003, [401, 669, 802, 903]);
             let at = |options: &TrainOptions, step: u64| {
                 let plan = Schedule::new(options);
@@ -347,7 +365,10 @@ mod tests {
                 (669, options(672, [401, 669, 670, 671])),
                 (802, options(804, [401, 669, 802, 803])),
             ] {
-                assert!((0..until).all(|step| at(&planned, step) == at(&corrected, step)), "{preset:?}");
+                assert!(
+                    (0..until).all(|step| at(&planned, step) == at(&corrected, step)),
+                    "{preset:?}"
+                );
             }
         }
     }

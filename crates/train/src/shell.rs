@@ -64,9 +64,11 @@ pub fn shell_around(
     let Some(subdivisions) = subdivisions(options) else { return Ok(Soup::default()) };
     let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
     let space = SceneNormalization::new(&cameras, points);
-    let cameras: Vec<Camera> = cameras.iter().map(|camera| space.camera_to_training(camera)).collect();
+    let cameras: Vec<Camera> =
+        cameras.iter().map(|camera| space.camera_to_training(camera)).collect();
     let points: Vec<Vec3> = points.iter().map(|point| space.to_training(*point)).collect();
-    let mut soup = shell(&points, &cameras, &mut Pyramid::new(views, photo_bytes, MIN_PX), subdivisions)?;
+    let mut soup =
+        shell(&points, &cameras, &mut Pyramid::new(views, photo_bytes, MIN_PX), subdivisions)?;
     space.soup_to_world(&mut soup);
     soup.set_shell(0..soup.len());
     Ok(soup)
@@ -109,7 +111,8 @@ fn radii(directions: &[Vec3], faces: &[[u32; 3]], points: &[Vec3], cameras: &[Ca
 
     let neighbours = neighbours(directions.len(), faces);
     // In logarithms, so that twice and half the distance count equally.
-    let mut logs: Vec<f32> = known.iter().map(|k| k.unwrap_or(typical).max(f32::MIN_POSITIVE).ln()).collect();
+    let mut logs: Vec<f32> =
+        known.iter().map(|k| k.unwrap_or(typical).max(f32::MIN_POSITIVE).ln()).collect();
     for _ in 0..ROUNDS {
         let before = logs.clone();
         for (i, around) in neighbours.iter().enumerate().filter(|(i, _)| known[*i].is_none()) {
@@ -193,9 +196,11 @@ fn colors(
         }
     }
     let channel = |shown: &[[u8; 3]], c: usize| {
-        median(shown.iter().map(|rgb| rgb[c]).collect(), u8::cmp).map(|code| f32::from(code) / 255.0)
+        median(shown.iter().map(|rgb| rgb[c]).collect(), u8::cmp)
+            .map(|code| f32::from(code) / 255.0)
     };
-    let color = |shown: Vec<[u8; 3]>| Some([channel(&shown, 0)?, channel(&shown, 1)?, channel(&shown, 2)?]);
+    let color =
+        |shown: Vec<[u8; 3]>| Some([channel(&shown, 0)?, channel(&shown, 1)?, channel(&shown, 2)?]);
     Ok(Some(shown.into_iter().map(color).collect()))
 }
 
@@ -218,7 +223,8 @@ fn continued(colors: Vec<Option<[f32; 3]>>, faces: &[[u32; 3]]) -> Option<Vec<[f
         let before = colors.clone();
         for (i, color) in colors.iter_mut().enumerate().filter(|(_, color)| color.is_none()) {
             let around: Vec<Vec3> = beside[i].iter().filter_map(|j| before[*j]).collect();
-            *color = (!around.is_empty()).then(|| around.iter().sum::<Vec3>() / around.len() as f32);
+            *color =
+                (!around.is_empty()).then(|| around.iter().sum::<Vec3>() / around.len() as f32);
         }
     }
     let mut colors: Vec<Vec3> = colors.into_iter().flatten().collect();
@@ -249,7 +255,9 @@ mod tests {
 
     /// Points on a wall 4 units ahead, and cameras in front of it.
     fn wall() -> Vec<Vec3> {
-        (0..400).map(|i| Vec3::new((i % 20) as f32 / 5.0 - 2.0, (i / 20) as f32 / 5.0 - 2.0, 4.0)).collect()
+        (0..400)
+            .map(|i| Vec3::new((i % 20) as f32 / 5.0 - 2.0, (i / 20) as f32 / 5.0 - 2.0, 4.0))
+            .collect()
     }
 
     #[test]
@@ -272,7 +280,8 @@ mod tests {
         let (directions, faces) = octasphere(4);
         // A room of points at distance 2, and a street that is seen through a small window, 60 away.
         let room = directions.iter().map(|d| *d * 2.0);
-        let street = (0..400).map(|i| Vec3::new((i % 20) as f32 - 10.0, (i / 20) as f32 - 10.0, 60.0));
+        let street =
+            (0..400).map(|i| Vec3::new((i % 20) as f32 - 10.0, (i / 20) as f32 - 10.0, 60.0));
         let points: Vec<Vec3> = room.chain(street).collect();
         let radii = radii(&directions, &faces, &points, &[]);
         let (near, far) = radii.iter().fold((f32::MAX, 0.0f32), |(a, b), r| (a.min(*r), b.max(*r)));
@@ -291,7 +300,8 @@ mod tests {
         let (corners, faces) = octasphere(4);
         assert_eq!(continued(vec![None; faces.len()], &faces), None);
         // Blue above, brown below, with a red face among the blue ones: nothing is known between.
-        let height = |face: &[u32; 3]| face.iter().map(|i| corners[*i as usize].y).sum::<f32>() / 3.0;
+        let height =
+            |face: &[u32; 3]| face.iter().map(|i| corners[*i as usize].y).sum::<f32>() / 3.0;
         let colors: Vec<_> = faces
             .iter()
             .enumerate()
@@ -303,12 +313,15 @@ mod tests {
             })
             .collect();
         let all = continued(colors.clone(), &faces).unwrap();
-        assert!(colors.iter().zip(&all).all(|(known, color)| known.is_none_or(|known| known == *color)));
+        assert!(
+            colors.iter().zip(&all).all(|(known, color)| known.is_none_or(|known| known == *color))
+        );
         let beside = beside(&faces);
         for i in (0..faces.len()).filter(|i| height(&faces[*i]).abs() < 0.5) {
             let steps = beside[i].map(|j| Vec3::from(all[i]).distance(Vec3::from(all[j])));
             assert!(steps.iter().all(|step| *step < 0.12), "{i}: {steps:?}");
-            let ([_, _, blue], h) = (all[i], height(&faces[i]));
+            let [_, _, blue] = all[i];
+            let h = height(&faces[i]);
             assert!(
                 (0.1..=0.9).contains(&blue) && (h < 0.4 || blue > 0.5) && (h > -0.4 || blue < 0.5),
                 "{h} {blue}"
@@ -334,7 +347,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         trisplat_synthetic::write(
             folder.path(),
-            &SyntheticOptions { views: 12, width: 48, points: 300, seed: 0, ..SyntheticOptions::default() },
+            &SyntheticOptions {
+                views: 12,
+                width: 48,
+                points: 300,
+                seed: 0,
+                ..SyntheticOptions::default()
+            },
         )
         .unwrap();
         let dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
@@ -342,18 +361,23 @@ mod tests {
         let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
         let points: Vec<Vec3> = dataset.points.iter().map(|point| point.position).collect();
         let space = SceneNormalization::new(&cameras, &points);
-        let cameras: Vec<Camera> = cameras.iter().map(|camera| space.camera_to_training(camera)).collect();
+        let cameras: Vec<Camera> =
+            cameras.iter().map(|camera| space.camera_to_training(camera)).collect();
         let points: Vec<Vec3> = points.iter().map(|point| space.to_training(*point)).collect();
         let mut photos = Pyramid::new(&views, 1 << 24, 8);
         let soup = shell(&points, &cameras, &mut photos, 3).unwrap();
         soup.validate().unwrap();
-        let (mut same, mut seen) = (0, 0);
+        let mut same = 0;
+        let mut seen = 0;
         for i in 0..soup.len() {
             for (k, camera) in cameras.iter().enumerate() {
                 let photo = photos.take(k, LEVEL).unwrap();
-                if let Some(rgb) = pixel(&camera.resized(photo.size), &photo, centroid(soup.vertices[i])) {
+                if let Some(rgb) =
+                    pixel(&camera.resized(photo.size), &photo, centroid(soup.vertices[i]))
+                {
                     let near = |c: usize| (soup.rgb(i)[c] - f32::from(rgb[c]) / 255.0).abs() < 0.2;
-                    (same, seen) = (same + usize::from((0..3).all(near)), seen + 1);
+                    same = same + usize::from((0..3).all(near));
+                    seen = seen + 1;
                 }
             }
         }

@@ -191,14 +191,19 @@ pub(super) fn first(
         cpu_secs: 0.0,
         pace: None,
     };
-    Ok(Checkpoint { visibility: VisibilityStats::new(state.params.len(), views.len()), state, meta })
+    Ok(Checkpoint {
+        visibility: VisibilityStats::new(state.params.len(), views.len()),
+        state,
+        meta,
+    })
 }
 
 /// The points to start from: where photos track points, a fifth of them judges the depth of the result.
 fn not_judging(dataset: &Dataset) -> Cow<'_, [Point]> {
     match dataset.has_tracks() {
         true => {
-            let kept = dataset.points.iter().enumerate().filter(|(i, _)| !Dataset::judges_depth(*i));
+            let kept =
+                dataset.points.iter().enumerate().filter(|(i, _)| !Dataset::judges_depth(*i));
             Cow::Owned(kept.map(|(_, point)| *point).collect())
         }
         false => Cow::Borrowed(&dataset.points),
@@ -235,7 +240,8 @@ fn from_points(
         .collect();
     let mut soup = match shell::subdivisions(options) {
         Some(subdivisions) => {
-            let cameras: Vec<Camera> = cameras.iter().map(|c| space.camera_to_training(c)).collect();
+            let cameras: Vec<Camera> =
+                cameras.iter().map(|c| space.camera_to_training(c)).collect();
             let positions: Vec<Vec3> = init_points.iter().map(|p| p.position).collect();
             shell::shell(&positions, &cameras, photos, subdivisions)?
         }
@@ -243,11 +249,15 @@ fn from_points(
     };
     let pinned = soup.len();
     let mut first = first_soup(&init_points, &options.init, options.seed);
-    let most = usize::try_from(options.max_triangles).unwrap_or(usize::MAX).saturating_sub(soup.len());
+    let most =
+        usize::try_from(options.max_triangles).unwrap_or(usize::MAX).saturating_sub(soup.len());
     let count = first.len();
     first.retain(|i| is_among(i, most, count));
     soup.append(first);
-    Ok((space, TrainState { pinned, ..TrainState::new(Params::from_soup(&soup, options.sh_degree)) }))
+    Ok((
+        space,
+        TrainState { pinned, ..TrainState::new(Params::from_soup(&soup, options.sh_degree)) },
+    ))
 }
 
 /// At most `most` of the items, evenly.
@@ -264,7 +274,8 @@ pub(super) fn thinned<T: Copy>(items: &[T], most: usize) -> Cow<'_, [T]> {
 /// Whether entry `i` of `count` is in an even selection of `most`; the order of points in files has no
 /// meaning.
 pub(super) fn is_among(i: usize, most: usize, count: usize) -> bool {
-    count <= most || (i as u128 + 1) * most as u128 / count as u128 > i as u128 * most as u128 / count as u128
+    count <= most
+        || (i as u128 + 1) * most as u128 / count as u128 > i as u128 * most as u128 / count as u128
 }
 
 /// The triangles of an existing scene.
@@ -287,7 +298,8 @@ fn from_scene(
         true => centers(scene, &placement, dataset.origin),
         false => dataset.points.iter().map(|p| p.position).collect(),
     };
-    let space = part.map_or_else(|| SceneNormalization::new(&cameras, &positions()), |part| part.space);
+    let space =
+        part.map_or_else(|| SceneNormalization::new(&cameras, &positions()), |part| part.space);
     let most = (!run.cut_from).then_some(options.max_triangles.saturating_add(frozen as u64));
     let mut soup = placed_soup(scene, &placement, dataset.origin, &space, most)?;
     // Those of a part come in this order: frozen ones, its part of the shell, the rest.
@@ -331,7 +343,8 @@ fn placed_soup(
 /// Replaces the points of a data set without points: places of the triangles of `scene`, in its world.
 fn centers(scene: &ImportedScene, placement: &Placement, origin: DVec3) -> Vec<Vec3> {
     let center = |i: usize| {
-        let sum: DVec3 = scene.scene.corners(i).iter().map(|corner| placement.to_world_f64(*corner)).sum();
+        let sum: DVec3 =
+            scene.scene.corners(i).iter().map(|corner| placement.to_world_f64(*corner)).sum();
         (sum / 3.0 - origin).as_vec3()
     };
     (0..scene.scene.triangle_count()).map(center).collect()

@@ -121,7 +121,8 @@ mod tests {
 
     #[test]
     fn nothing_before_a_milestone_depends_on_a_later_one() {
-        let (before, after) = (timeline(1003, [401, 669, 802, 903]), timeline(77, [401, 669, 670, 680]));
+        let before = timeline(1003, [401, 669, 802, 903]);
+        let after = timeline(77, [401, 669, 670, 680]);
         for step in 0..669 {
             assert_eq!(before.position(step), after.position(step));
         }

@@ -105,7 +105,8 @@ impl Trained {
 
     /// [`PhotoScore::mean_corrected`] of a training that corrected its photos; `None` of any other.
     pub fn psnr_corrected(&self) -> Option<f64> {
-        let corrected = self.exposure.as_ref().is_some_and(|exposure| !exposure.exposures.gains.is_empty());
+        let corrected =
+            self.exposure.as_ref().is_some_and(|exposure| !exposure.exposures.gains.is_empty());
         corrected.then(|| PhotoScore::mean_corrected(&self.scores)).flatten()
     }
 

@@ -19,7 +19,9 @@ use trisplat_raster::soft::{SoftOptions, Window};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::report::generator;
-use trisplat_scene::{Error, ImportedScene, Provenance, Result, Rng, SceneNormalization, Soup, Spending};
+use trisplat_scene::{
+    Error, ImportedScene, Provenance, Result, Rng, SceneNormalization, Soup, Spending,
+};
 
 /// A run between two steps. A pure function of the data set, the options and the steps made: stopping,
 /// writing a checkpoint and resuming elsewhere changes no bit.
@@ -73,11 +75,16 @@ impl<'a> Training<'a> {
     /// Errors: options out of range, no training photos, a scene of more triangles than the options permit; a checkpoint with training
     /// photos of other names or, unless forced, any other difference.
     pub(super) fn new(mut run: TrainRun<'a>, backend: Box<dyn TrainBackend + 'a>) -> Result<Self> {
-        let (dataset, drawing) = (run.dataset, run.drawing());
+        let dataset = run.dataset;
+        let drawing = run.drawing();
         let (photo_bytes, held_out_bytes) = shares(dataset, run.photo_bytes);
         let views: Vec<&View> = dataset.train().collect();
         if views.is_empty() {
-            return Err(Error::invalid("data set", "0 training photos", "one or more; see `test_every`"));
+            return Err(Error::invalid(
+                "data set",
+                "0 training photos",
+                "one or more; see `test_every`",
+            ));
         }
         let identity = RunIdentity::of(dataset, run.background, run.from.as_ref());
         let mut photos = Pyramid::new(&views, photo_bytes, MIN_PX);
@@ -88,7 +95,9 @@ impl<'a> Training<'a> {
                 let before = std::mem::replace(&mut checkpoint.meta.identity, identity);
                 let differences =
                     differences(&before, &checkpoint.meta.identity, &mut photos, run.force_resume)?;
-                warnings = differences.map(|difference| format!("resumed although {difference}")).collect();
+                warnings = differences
+                    .map(|difference| format!("resumed although {difference}"))
+                    .collect();
                 checkpoint
             }
             None => {
@@ -136,7 +145,8 @@ impl<'a> Training<'a> {
     fn load(&mut self, state: TrainState) -> Result<()> {
         if self.backend.can_be_lost() {
             let visibility = self.visibility.clone();
-            self.loaded = Some(LoadedAt { step: self.meta.step, dropped: self.meta.dropped, visibility });
+            self.loaded =
+                Some(LoadedAt { step: self.meta.step, dropped: self.meta.dropped, visibility });
         }
         self.backend.load(state)
     }
@@ -190,7 +200,11 @@ impl<'a> Training<'a> {
         let last = self.meta.step.max(1) - 1;
         let rates = Schedule::new(&self.meta.options).rates(last);
         let window = Window::Coverage { width_px: 1.0 };
-        if self.ends_solid() { SoftOptions { window, ..self.drawing } } else { rates.drawing(&self.drawing) }
+        if self.ends_solid() {
+            SoftOptions { window, ..self.drawing }
+        } else {
+            rates.drawing(&self.drawing)
+        }
     }
 
     /// True where [`Training::picture`] draws faster than the CPU: soft pictures of the whole scene on a
@@ -257,7 +271,8 @@ impl<'a> Training<'a> {
     fn densify(&mut self) -> Result<Densified> {
         self.collect_visibility()?;
         self.find_known_depth()?;
-        let (o, schedule) = (&self.meta.options, Schedule::new(&self.meta.options));
+        let o = &self.meta.options;
+        let schedule = Schedule::new(&self.meta.options);
         // Pruning uses the last drawing of the scene.
         let last = self.meta.step - 1;
         let eyes: Vec<Vec3> = self.cameras.iter().map(Camera::position).collect();
@@ -285,13 +300,16 @@ impl<'a> Training<'a> {
 
     /// Finds the surfaces whose place is known, at the first densification of a solid scene; parts of scenes have none.
     fn find_known_depth(&mut self) -> Result<()> {
-        let (options, schedule) = (&self.meta.options, Schedule::new(&self.meta.options));
+        let options = &self.meta.options;
+        let schedule = Schedule::new(&self.meta.options);
         let due = schedule.is_opaque(self.meta.step - 1) && self.meta.core.is_none();
         if due && self.known.is_none() {
             // A resumed run sees the same pictures, though its own may be larger by now.
             let level = schedule.level(schedule.scaled(options.solid.opacity_until));
-            let (space, most) = (self.space(), options.max_triangles);
-            let (cameras, photos) = (&self.cameras, &mut self.photos);
+            let space = self.space();
+            let most = options.max_triangles;
+            let cameras = &self.cameras;
+            let photos = &mut self.photos;
             self.known = Some(KnownDepth::of(self.dataset, &space, cameras, photos, level, most)?);
         }
         Ok(())
@@ -355,7 +373,8 @@ impl<'a> Training<'a> {
                 _ => return Err(error),
             },
         };
-        let mut meta = CheckpointMeta { step: now.step, dropped: now.dropped, cpu_secs, ..self.meta.clone() };
+        let mut meta =
+            CheckpointMeta { step: now.step, dropped: now.dropped, cpu_secs, ..self.meta.clone() };
         meta.generator = generator();
         meta.curve.retain(|sample| sample.step <= now.step);
         for (i, photo) in meta.identity.photos.iter_mut().enumerate() {
@@ -385,7 +404,8 @@ fn background(seed: u64, step: u64) -> [u8; 3] {
 /// The memory for photos, divided between training and held-out photos in proportion to their bytes.
 fn shares(dataset: &Dataset, photo_bytes: u64) -> (u64, u64) {
     let bytes = |view: &View| u128::from(view.photo.most_bytes());
-    let (train, test): (u128, u128) = (dataset.train().map(bytes).sum(), dataset.test().map(bytes).sum());
+    let (train, test): (u128, u128) =
+        (dataset.train().map(bytes).sum(), dataset.test().map(bytes).sum());
     let held_out = u128::from(photo_bytes) * test / (train + test).max(1);
     let held_out = u64::try_from(held_out).unwrap_or(photo_bytes);
     (photo_bytes - held_out, held_out)
@@ -400,13 +420,19 @@ fn differences(
     photos: &mut Pyramid,
     force: bool,
 ) -> Result<impl Iterator<Item = String> + use<>> {
-    if !now.photos.iter().map(|photo| &photo.name).eq(before.photos.iter().map(|photo| &photo.name)) {
+    if !now.photos.iter().map(|photo| &photo.name).eq(before.photos.iter().map(|photo| &photo.name))
+    {
         let value = format!("of {} other photos", before.photos.len());
-        return Err(Error::invalid("resume", value, "a checkpoint of this data set with this split"));
+        return Err(Error::invalid(
+            "resume",
+            value,
+            "a checkpoint of this data set with this split",
+        ));
     }
     let checked = |difference: Option<String>| match difference.filter(|_| !force) {
         Some(difference) => {
-            let wants = "the photos and options of its run, or `force_resume` to continue with others";
+            let wants =
+                "the photos and options of its run, or `force_resume` to continue with others";
             Err(Error::invalid("resume", format!("of another run: {difference}"), wants))
         }
         None => Ok(()),

@@ -32,7 +32,8 @@ impl Regularisers {
     /// The gradients at these parameters.
     pub(crate) fn new(state: &TrainState, rates: &StepParams) -> Self {
         // Pinned triangles do not change: they do not count.
-        let (params, pinned) = (&state.params, state.pinned);
+        let params = &state.params;
+        let pinned = state.pinned;
         let n = (params.len() - pinned).max(1) as f64;
         let d_area = if rates.beta_size > 0.0 {
             let area = |v: &[Vec3; 3]| f64::from(0.5 * cross(v).length());
@@ -47,7 +48,8 @@ impl Regularisers {
 
 /// The sum of one number per triangle, in an order that does not depend on the number of threads.
 fn sum_of<T: Sync>(values: &[T], number: impl Fn(&T) -> f64 + Sync) -> f64 {
-    let sums = parallel::map(values.chunks(CHUNK), |_, chunk| chunk.iter().map(&number).sum::<f64>());
+    let sums =
+        parallel::map(values.chunks(CHUNK), |_, chunk| chunk.iter().map(&number).sum::<f64>());
     sums.iter().sum()
 }
 
@@ -68,7 +70,8 @@ fn cross(v: &[Vec3; 3]) -> Vec3 {
 /// ∂area/∂corners, area = |cross| / 2; zero for a triangle without area.
 fn area_grad(v: &[Vec3; 3], d_area: f32) -> [Vec3; 3] {
     let normal = cross(v).normalize_or_zero() * (0.5 * d_area);
-    let (d1, d2) = ((v[2] - v[0]).cross(normal), normal.cross(v[1] - v[0]));
+    let d1 = (v[2] - v[0]).cross(normal);
+    let d2 = normal.cross(v[1] - v[0]);
     [-(d1 + d2), d1, d2]
 }
 
@@ -122,8 +125,10 @@ pub(crate) fn update(
 type ParamChunk<'a> = (&'a mut [[Vec3; 3]], &'a mut [f32], &'a mut [f32], &'a mut [[f32; 3]]);
 
 fn chunks(params: &mut Params, k: usize) -> impl Iterator<Item = ParamChunk<'_>> {
-    let (vertices, opacity) = (params.vertices.chunks_mut(CHUNK), params.opacity.chunks_mut(CHUNK));
-    let (sigma, sh) = (params.sigma.chunks_mut(CHUNK), params.sh.chunks_mut(CHUNK * k));
+    let vertices = params.vertices.chunks_mut(CHUNK);
+    let opacity = params.opacity.chunks_mut(CHUNK);
+    let sigma = params.sigma.chunks_mut(CHUNK);
+    let sh = params.sh.chunks_mut(CHUNK * k);
     vertices.zip(opacity).zip(sigma).zip(sh).map(|(((v, o), s), sh)| (v, o, s, sh))
 }
 
@@ -163,7 +168,8 @@ impl UpdateStep<'_> {
         v: ParamChunk<'_>,
         d: GradChunk<'_>,
     ) -> (u64, u64) {
-        let (mut touched, mut dropped) = (0, 0);
+        let mut touched = 0;
+        let mut dropped = 0;
         for i in rows.filter(|i| from + i >= self.frozen) {
             let sh = i * self.k..i * self.k + self.used;
             let d_sh = d.sh[sh.clone()].as_flattened();
@@ -180,7 +186,9 @@ impl UpdateStep<'_> {
             }
             touched += 1;
             if from + i < self.pinned {
-                let (x, m, v) = (&mut x.3[sh.start], &mut m.3[sh.start], &mut v.3[sh.start]);
+                let x = &mut x.3[sh.start];
+                let m = &mut m.3[sh.start];
+                let v = &mut v.3[sh.start];
                 adam(self.sh, x, &d_sh[..3], m, v);
                 continue;
             }
@@ -191,8 +199,12 @@ impl UpdateStep<'_> {
             let one = std::slice::from_mut;
             adam(self.opacity, one(&mut x.1[i]), &[d_opacity], one(&mut m.1[i]), one(&mut v.1[i]));
             adam(self.sigma, one(&mut x.2[i]), &[d_sigma], one(&mut m.2[i]), one(&mut v.2[i]));
-            let (x, m, v) = (&mut x.3[sh.clone()], &mut m.3[sh.clone()], &mut v.3[sh]);
-            let (x, m, v) = (x.as_flattened_mut(), m.as_flattened_mut(), v.as_flattened_mut());
+            let x = &mut x.3[sh.clone()];
+            let m = &mut m.3[sh.clone()];
+            let v = &mut v.3[sh];
+            let x = x.as_flattened_mut();
+            let m = m.as_flattened_mut();
+            let v = v.as_flattened_mut();
             adam(self.sh, &mut x[..3], &d_sh[..3], &mut m[..3], &mut v[..3]);
             adam(self.sh_rest, &mut x[3..], &d_sh[3..], &mut m[3..], &mut v[3..]);
         }
@@ -267,7 +279,8 @@ mod tests {
         let before = state.params.clone();
         let regularisers = Regularisers::new(&state, &rates);
         assert_eq!(update(&mut state, &gradient, &rates, &regularisers), (4, 0));
-        let (now, k) = (&state.params, before.sh_count());
+        let now = &state.params;
+        let k = before.sh_count();
         for i in 0..2 {
             assert_eq!(now.vertices[i], before.vertices[i]);
             assert_eq!((now.opacity[i], now.sigma[i]), (before.opacity[i], before.sigma[i]));
@@ -286,7 +299,8 @@ mod tests {
     fn corners_move_in_proportion_to_the_triangle() {
         let sides = [0.001f32, 0.01, 0.02, 100.0];
         let (mut state, gradient, rates) = four_triangles();
-        state.params.vertices = sides.map(|side| [Vec3::ZERO, side * Vec3::X, side * Vec3::Y]).to_vec();
+        state.params.vertices =
+            sides.map(|side| [Vec3::ZERO, side * Vec3::X, side * Vec3::Y]).to_vec();
         let regularisers = Regularisers::new(&state, &rates);
         update(&mut state, &gradient, &rates, &regularisers);
         let moved = [0, 1, 2, 3].map(|i| -state.params.vertices[i][0].x / rates.corners as f32);
@@ -308,7 +322,8 @@ mod tests {
         gradient.vertices[0][2].y = f32::NAN;
         gradient.sh[4][0] = f32::INFINITY;
         gradient.vertices[2] = [Vec3::ZERO; 3];
-        (gradient.opacity[2], gradient.sigma[2]) = (0.0, 0.0);
+        gradient.opacity[2] = 0.0;
+        gradient.sigma[2] = 0.0;
         gradient.sh[8..12].fill([0.0; 3]);
         let regularisers = Regularisers::new(&state, &rates);
         let before = state.clone();

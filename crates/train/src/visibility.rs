@@ -120,8 +120,10 @@ mod tests {
     fn weights_are_summed_in_pixels_of_the_full_photo() {
         let mut visibility = VisibilityStats::new(1, 2);
         let mut frame = Importance::new(1);
-        (frame.max_weight, frame.sum_weight) = (vec![0.5], vec![3.0]);
-        (frame.views, frame.max_radius_px) = (vec![1], vec![2.0]);
+        frame.max_weight = vec![0.5];
+        frame.sum_weight = vec![3.0];
+        frame.views = vec![1];
+        frame.max_radius_px = vec![2.0];
         visibility.merge(&frame, true, 2.0);
         visibility.merge(&frame, false, 2.0);
         visibility.merge(&frame, true, 1.0);

@@ -28,7 +28,11 @@ impl Model {
     /// Uploads the faces of `asset`.
     ///
     /// Errors: the card has no room; one colour per face of a mesh with indices.
-    pub(crate) fn upload(gpu: &Gpu, texture_layout: &BindGroupLayout, asset: &Asset) -> Result<Self> {
+    pub(crate) fn upload(
+        gpu: &Gpu,
+        texture_layout: &BindGroupLayout,
+        asset: &Asset,
+    ) -> Result<Self> {
         let mesh = &asset.mesh;
         mesh.validate_shape()?;
         // One picture, also of a file with several.
@@ -40,11 +44,13 @@ impl Model {
         };
         let usage = BufferUsages::INDEX;
         let index = |i: usize| mesh.indices[i];
-        let indices =
-            indexed.then(|| buffer::filled(gpu, "indices", usage, mesh.indices.len(), index)).transpose()?;
+        let indices = indexed
+            .then(|| buffer::filled(gpu, "indices", usage, mesh.indices.len(), index))
+            .transpose()?;
         let mut bytes = vertices.size() + indices.as_ref().map_or(0, Buffer::size);
-        let texture =
-            texture.map(|texture| page_group(gpu, texture_layout, &texture.pages[0])).transpose()?;
+        let texture = texture
+            .map(|texture| page_group(gpu, texture_layout, &texture.pages[0]))
+            .transpose()?;
         bytes += texture.as_ref().map_or(0, |(_, size)| *size);
         let texture = texture.map(|(group, _)| group);
         let chunks = bounds(asset);
@@ -64,7 +70,12 @@ impl Model {
     }
 
     /// The draw calls for the view of `camera`: runs of faces, of those that are `single_sided` or of the others.
-    pub(crate) fn draw_calls(&self, camera: &Camera, near: f32, single_sided: bool) -> Vec<Range<u32>> {
+    pub(crate) fn draw_calls(
+        &self,
+        camera: &Camera,
+        near: f32,
+        single_sided: bool,
+    ) -> Vec<Range<u32>> {
         let frustum = Frustum::new(camera, near);
         let mut draws: Vec<Range<u32>> = Vec::new();
         for ((chunk, bounds), of_chunk) in self.chunks.iter().zip(&self.single_sided) {
@@ -106,8 +117,10 @@ impl Model {
 
 /// Position and colour of every vertex, or of every corner with one colour per face.
 fn corners(gpu: &Gpu, mesh: &Mesh) -> Result<Buffer> {
-    let corner =
-        |position: Vec3, linear| CornerVertex { position: position.to_array(), color: pack_color(linear) };
+    let corner = |position: Vec3, linear| CornerVertex {
+        position: position.to_array(),
+        color: pack_color(linear),
+    };
     let usage = BufferUsages::VERTEX;
     match &mesh.colors {
         Colors::Vertex(colors) => buffer::filled(gpu, "corners", usage, mesh.vertex_count(), |v| {
@@ -139,8 +152,12 @@ const TEXEL: u32 = 4;
 
 /// Layout of the bind group of a texture.
 pub(super) fn page_layout(gpu: &Gpu) -> BindGroupLayout {
-    let entry =
-        |binding, ty| BindGroupLayoutEntry { binding, visibility: ShaderStages::FRAGMENT, ty, count: None };
+    let entry = |binding, ty| BindGroupLayoutEntry {
+        binding,
+        visibility: ShaderStages::FRAGMENT,
+        ty,
+        count: None,
+    };
     let picture = BindingType::Texture {
         sample_type: TextureSampleType::Float { filterable: true },
         view_dimension: TextureViewDimension::D2,
@@ -180,7 +197,8 @@ fn page_group(gpu: &Gpu, layout: &BindGroupLayout, page: &Texture) -> Result<(Bi
 fn picture(gpu: &Gpu, page: &Texture) -> Result<(TextureView, u64)> {
     let limit = gpu.device.limits().max_texture_dimension_2d;
     let last = page.size().max_element().ilog2() as usize;
-    let first = (0..last).find(|level| page.level(*level).size.max_element() <= limit).unwrap_or(last);
+    let first =
+        (0..last).find(|level| page.level(*level).size.max_element() <= limit).unwrap_or(last);
     let size = page.level(first).size;
     let texture = gpu.device.create_texture(&TextureDescriptor {
         label: Some("page"),
@@ -198,7 +216,8 @@ fn picture(gpu: &Gpu, page: &Texture) -> Result<(TextureView, u64)> {
         let pixels = page.level(level);
         let texels: Vec<[u8; 4]> = pixels.rgb.iter().map(|[r, g, b]| [*r, *g, *b, 255]).collect();
         bytes += texels.len() as u64 * u64::from(TEXEL);
-        let (width, height) = (pixels.size.x, pixels.size.y);
+        let width = pixels.size.x;
+        let height = pixels.size.y;
         gpu.queue.write_texture(
             TexelCopyTextureInfo {
                 texture: &texture,
@@ -286,10 +305,14 @@ pub(crate) struct Frustum {
 impl Frustum {
     /// The view of `camera` beyond `near`.
     pub(crate) fn new(camera: &Camera, near: f32) -> Self {
-        let axis = |row: usize| camera.rotation.row(row).as_dvec3().extend(camera.translation[row].into());
-        let (x, y, z) = (axis(0), axis(1), axis(2));
-        let (focal, center, size) =
-            (camera.focal.as_dvec2(), camera.center.as_dvec2(), camera.size.as_dvec2());
+        let axis =
+            |row: usize| camera.rotation.row(row).as_dvec3().extend(camera.translation[row].into());
+        let x = axis(0);
+        let y = axis(1);
+        let z = axis(2);
+        let focal = camera.focal.as_dvec2();
+        let center = camera.center.as_dvec2();
+        let size = camera.size.as_dvec2();
         // 0 <= focal x / z + center <= size, times z.
         let planes = [
             x * focal.x + z * center.x,
@@ -338,7 +361,8 @@ mod tests {
     fn no_box_with_a_visible_point_is_left_out() {
         let rng = Rng::new(5, "cull", 0);
         let draw = |i: u64, scale: f32| (rng.uniform_f64(i) as f32 - 0.5) * scale;
-        let vec = |i: u64, scale: f32| Vec3::new(draw(i, scale), draw(i + 1, scale), draw(i + 2, scale));
+        let vec =
+            |i: u64, scale: f32| Vec3::new(draw(i, scale), draw(i + 1, scale), draw(i + 2, scale));
         let base = Camera {
             rotation: Mat3::IDENTITY,
             translation: Vec3::ZERO,
@@ -346,17 +370,21 @@ mod tests {
             center: Vec2::new(220.0, 100.0),
             size: UVec2::new(400, 260),
         };
-        let (mut kept, mut dropped) = (0, 0);
+        let mut kept = 0;
+        let mut dropped = 0;
         for k in 0..4000 {
             let camera = base.looking(vec(k * 100, 4.0), vec(k * 100 + 3, 4.0), Vec3::NEG_Y);
             let frustum = Frustum::new(&camera, 0.1);
-            let (a, b) = (vec(k * 100 + 6, 6.0), vec(k * 100 + 9, 1.0));
+            let a = vec(k * 100 + 6, 6.0);
+            let b = vec(k * 100 + 9, 1.0);
             let bounds @ [min, max] = [a.min(a + b), a.max(a + b)];
             let visible = (0..27u32).any(|i| {
                 let at = Vec3::new((i % 3) as f32, (i / 3 % 3) as f32, (i / 9) as f32) / 2.0;
                 let seen = camera.rotation * (min + at * (max - min)) + camera.translation;
                 let pixel = seen.truncate() / seen.z * camera.focal + camera.center;
-                seen.z >= 0.1 && pixel.cmpge(Vec2::ZERO).all() && pixel.cmple(camera.size.as_vec2()).all()
+                seen.z >= 0.1
+                    && pixel.cmpge(Vec2::ZERO).all()
+                    && pixel.cmple(camera.size.as_vec2()).all()
             });
             let sees = frustum.sees(&bounds);
             assert!(sees || !visible, "{bounds:?} left out");

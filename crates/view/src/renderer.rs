@@ -58,7 +58,12 @@ impl Attachments {
     /// For pictures of `size` and `format`, with `samples` (1 or 4) per pixel.
     ///
     /// Errors: larger than the card can draw, or more memory than it has.
-    pub(crate) fn new(gpu: &Gpu, size: glam::UVec2, format: TextureFormat, samples: u32) -> Result<Self> {
+    pub(crate) fn new(
+        gpu: &Gpu,
+        size: glam::UVec2,
+        format: TextureFormat,
+        samples: u32,
+    ) -> Result<Self> {
         let limit = gpu.device.limits().max_texture_dimension_2d;
         if size.min_element() == 0 || size.max_element() > limit {
             let wants = format!("1 to {limit} px per side on {}", gpu.info.name);
@@ -66,7 +71,8 @@ impl Attachments {
         }
         let usage = TextureUsages::RENDER_ATTACHMENT;
         let depth = texture(gpu, "depth", size, TextureFormat::Depth32Float, samples, usage);
-        let multisampled = (samples > 1).then(|| texture(gpu, "samples", size, format, samples, usage));
+        let multisampled =
+            (samples > 1).then(|| texture(gpu, "samples", size, format, samples, usage));
         gpu.check()?;
         let view = |t: Texture| t.create_view(&TextureViewDescriptor::default());
         Ok(Self { size, format, samples, depth: view(depth), multisampled: multisampled.map(view) })
@@ -129,8 +135,9 @@ impl Renderer {
     /// A renderer on `gpu`; all calls must pass the same `gpu`.
     pub(crate) fn new(gpu: &Gpu) -> Result<Self> {
         let source = ShaderSource::Wgsl(include_str!("pass_mesh.wgsl").into());
-        let shader =
-            gpu.device.create_shader_module(ShaderModuleDescriptor { label: Some("pass_mesh"), source });
+        let shader = gpu
+            .device
+            .create_shader_module(ShaderModuleDescriptor { label: Some("pass_mesh"), source });
         let frame = gpu.device.create_buffer(&BufferDescriptor {
             label: Some("frame"),
             size: size_of::<Mat4>() as u64,
@@ -156,7 +163,14 @@ impl Renderer {
             entries: &[BindGroupEntry { binding: 0, resource: frame.as_entire_binding() }],
         });
         gpu.check()?;
-        Ok(Self { shader, frame, frame_group, frame_layout, texture_layout, pipelines: HashMap::new() })
+        Ok(Self {
+            shader,
+            frame,
+            frame_group,
+            frame_layout,
+            texture_layout,
+            pipelines: HashMap::new(),
+        })
     }
 
     /// Records the drawing of `model` onto a picture, which is cleared first.
@@ -220,8 +234,10 @@ impl Renderer {
             true => ("texture_color", "texture_light"),
         };
         let constants = [("ENCODE", f64::from(u8::from(!key.format.is_srgb())))];
-        let compilation_options =
-            PipelineCompilationOptions { constants: &constants, ..PipelineCompilationOptions::default() };
+        let compilation_options = PipelineCompilationOptions {
+            constants: &constants,
+            ..PipelineCompilationOptions::default()
+        };
         let groups = [Some(&self.frame_layout), Some(&self.texture_layout)];
         let layout = gpu.device.create_pipeline_layout(&PipelineLayoutDescriptor {
             label: Some("mesh"),
@@ -315,7 +331,11 @@ fn vertex_buffer(is_textured: bool) -> VertexBufferLayout<'static> {
         false => (size_of::<CornerVertex>(), &CORNER),
         true => (size_of::<TextureVertex>(), &TEXTURE),
     };
-    VertexBufferLayout { array_stride: stride as u64, step_mode: VertexStepMode::Vertex, attributes }
+    VertexBufferLayout {
+        array_stride: stride as u64,
+        step_mode: VertexStepMode::Vertex,
+        attributes,
+    }
 }
 
 /// World to clip space, multiplied in f64 and rounded once.
@@ -324,10 +344,15 @@ fn vertex_buffer(is_textured: bool) -> VertexBufferLayout<'static> {
 /// (x, y, z, w) = (2 (fx X + cx Z) / W - Z,  Z - 2 (fy Y + cy Z) / H,  near,  Z)   of the camera's X, Y, Z
 /// ```
 fn to_clip_space(params: &FrameParams) -> Mat4 {
-    let (camera, near) = (&params.camera, params.near);
+    let camera = &params.camera;
+    let near = params.near;
     let row = |r: usize| camera.rotation.row(r).as_dvec3().extend(camera.translation[r].into());
-    let (x, y, z) = (row(0), row(1), row(2));
-    let (f, c, s) = (camera.focal.as_dvec2(), camera.center.as_dvec2(), camera.size.as_dvec2());
+    let x = row(0);
+    let y = row(1);
+    let z = row(2);
+    let f = camera.focal.as_dvec2();
+    let c = camera.center.as_dvec2();
+    let s = camera.size.as_dvec2();
     let clip = DMat4::from_cols(
         x * (2.0 * f.x / s.x) + z * (2.0 * c.x / s.x - 1.0),
         y * (-2.0 * f.y / s.y) + z * (1.0 - 2.0 * c.y / s.y),
@@ -372,7 +397,8 @@ impl Headless {
             return Err(Error::invalid("msaa", params.msaa, "1 or 4"));
         }
         let canvas = Canvas::new(&self.gpu, params.camera.size, params.msaa)?;
-        let mut encoder = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
+        let mut encoder =
+            self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
         let stats = self.draw(&mut encoder, &canvas, model, params)?;
         self.gpu.queue.submit([encoder.finish()]);
         Ok((canvas.pixels(&self.gpu)?, stats))
@@ -417,7 +443,10 @@ impl Canvas {
     /// The last drawn picture.
     pub(crate) fn pixels(&self, gpu: &Gpu) -> Result<RgbImage> {
         let Extent3d { width, height, .. } = self.picture.size();
-        let rgb = readback::texels(gpu, &self.picture)?.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
+        let rgb = readback::texels(gpu, &self.picture)?
+            .into_iter()
+            .map(|[r, g, b, _]| [r, g, b])
+            .collect();
         Ok(RgbImage { size: UVec2::new(width, height), rgb, alpha: None })
     }
 }

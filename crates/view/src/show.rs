@@ -19,10 +19,13 @@ pub fn depth(frame: &Frame) -> RgbImage {
     seen.sort_by(f32::total_cmp);
     let last = seen.len().saturating_sub(1);
     let at = |i: usize| seen.get(i).copied().unwrap_or(0.0);
-    let (far, near) = (at(last / 100), at(last - last / 100));
+    let far = at(last / 100);
+    let near = at(last - last / 100);
     let stretched = |x: f32| if near > far { (x - far) / (near - far) } else { 0.5 };
     // Slightly above black, so that the farthest surface differs from the background.
-    picture(frame, |i| inverse(i).map_or([0.0; 3], |x| ramp(0.08 + 0.92 * stretched(x).clamp(0.0, 1.0))))
+    picture(frame, |i| {
+        inverse(i).map_or([0.0; 3], |x| ramp(0.08 + 0.92 * stretched(x).clamp(0.0, 1.0)))
+    })
 }
 
 /// Normals towards the camera: red to the right, green up, blue to the viewer; black for background.

@@ -3,8 +3,8 @@
 
 use libfuzzer_sys::fuzz_target;
 use std::path::Path;
-use trisplat_scene::image::RgbImage;
 use trisplat::{Dataset, DatasetOptions, Limits};
+use trisplat_scene::image::RgbImage;
 
 // The first byte says which kind of data set, the rest is cut into its files at `\xff\xfe`.
 fuzz_target!(|bytes: &[u8]| {
@@ -46,6 +46,7 @@ fn split(bytes: &[u8]) -> Vec<&[u8]> {
 }
 
 fn photo(path: &Path) {
-    let pixels = RgbImage { size: glam::UVec2::new(16, 12), rgb: vec![[9, 80, 200]; 192], alpha: None };
+    let pixels =
+        RgbImage { size: glam::UVec2::new(16, 12), rgb: vec![[9, 80, 200]; 192], alpha: None };
     std::fs::write(path, pixels.to_png().unwrap()).unwrap();
 }

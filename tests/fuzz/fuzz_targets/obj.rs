@@ -8,7 +8,10 @@ use trisplat_formats::{self as formats, ReadOptions};
 
 fuzz_target!(|bytes: &[u8]| {
     for sh_degree in [0, 3] {
-        if let Ok(loaded) = formats::obj::read(source::source(bytes, "fuzz.obj"), &ReadOptions::with_degree(sh_degree)) {
+        if let Ok(loaded) = formats::obj::read(
+            source::source(bytes, "fuzz.obj"),
+            &ReadOptions::with_degree(sh_degree),
+        ) {
             loaded.scene.validate().unwrap();
         }
     }

@@ -8,8 +8,8 @@ mod png;
 use libfuzzer_sys::fuzz_target;
 use std::io::Write;
 use trisplat::Limits;
-use trisplat_scene::input::is_guarded;
 use trisplat_scene::image::RgbImage;
+use trisplat_scene::input::is_guarded;
 
 /// As in the program, a panic of the decoder is an error of the photo: it does not end the fuzzer, whose hook is for all others.
 fn spare_guarded() {

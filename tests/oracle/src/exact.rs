@@ -44,14 +44,17 @@ pub fn triangles<R: Real>(
     let k = soup.sh_count();
     (0..soup.len())
         .map(|i| {
-            let of =
-                |x: f32, n: usize| if i == seeded { variable(f64::from(x), n) } else { R::of(f64::from(x)) };
+            let of = |x: f32, n: usize| {
+                if i == seeded { variable(f64::from(x), n) } else { R::of(f64::from(x)) }
+            };
             let v = soup.vertices[i];
             Triangle {
                 vertices: [0, 1, 2].map(|c| [0, 1, 2].map(|a| of(v[c][a], 3 * c + a))),
                 opacity: of(soup.opacity[i], 9),
                 sigma: of(soup.sigma[i], 10),
-                sh: (0..k).map(|n| [0, 1, 2].map(|c| of(soup.sh[i * k + n][c], 11 + 3 * n + c))).collect(),
+                sh: (0..k)
+                    .map(|n| [0, 1, 2].map(|c| of(soup.sh[i * k + n][c], 11 + 3 * n + c)))
+                    .collect(),
             }
         })
         .collect()
@@ -62,7 +65,8 @@ pub fn plain(soup: &Soup) -> Vec<Triangle<f64>> {
 }
 
 pub fn pixel_values<R: Number>(p: &Pixel<R>) -> [R; 10] {
-    let ([r, g, b], [x, y, z]) = (p.rgb, p.normal);
+    let [r, g, b] = p.rgb;
+    let [x, y, z] = p.normal;
     [r, g, b, p.transmittance, p.depth, p.median, x, y, z, p.distortion]
 }
 
@@ -70,7 +74,8 @@ pub fn grad_values(d: &FrameGrad, i: usize) -> [f64; 10] {
     let scalar = |v: &[f32]| v.get(i).copied().unwrap_or(0.0);
     let [r, g, b] = d.d_rgb[i];
     let [x, y, z] = d.d_normal.get(i).copied().unwrap_or_default();
-    let (t, depth) = (scalar(&d.d_transmittance), scalar(&d.d_depth));
+    let t = scalar(&d.d_transmittance);
+    let depth = scalar(&d.d_depth);
     [r, g, b, t, depth, scalar(&d.d_median_depth), x, y, z, scalar(&d.d_distortion)].map(f64::from)
 }
 
@@ -78,7 +83,13 @@ pub fn grad_values(d: &FrameGrad, i: usize) -> [f64; 10] {
 pub const PARAMETERS: usize = 11 + 48;
 
 /// The gradient of triangle `t` by dual numbers.
-pub fn exact_grad(soup: &Soup, t: usize, camera: &Camera, options: &SoftOptions, d: &FrameGrad) -> Vec<f64> {
+pub fn exact_grad(
+    soup: &Soup,
+    t: usize,
+    camera: &Camera,
+    options: &SoftOptions,
+    d: &FrameGrad,
+) -> Vec<f64> {
     let scene = triangles(soup, t, Dual::<PARAMETERS>::variable);
     let picture = oracle::render(&scene, &oracle_camera(camera), &rules(options));
     let mut out = vec![0.0; 11 + 3 * soup.sh_count()];

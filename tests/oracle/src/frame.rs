@@ -125,8 +125,10 @@ fn to_camera<R: Number>(camera: &OracleCamera, v: P3<R>) -> P3<R> {
 fn clip<R: Number>(v: [P3<R>; 3], near: f64) -> Vec<P3<R>> {
     let mut out: Vec<(P3<R>, bool)> = Vec::new();
     for i in 0..3 {
-        let (a, b) = (v[i], v[(i + 1) % 3]);
-        let (ia, ib) = (a[2].value() >= near, b[2].value() >= near);
+        let a = v[i];
+        let b = v[(i + 1) % 3];
+        let ia = a[2].value() >= near;
+        let ib = b[2].value() >= near;
         if ia {
             out.push((a, true));
         }
@@ -135,7 +137,8 @@ fn clip<R: Number>(v: [P3<R>; 3], near: f64) -> Vec<P3<R>> {
             out.push((add(a, mul(sub(b, a), t)), false));
         }
     }
-    let start = (0..out.len()).find(|i| out[*i].1 && !out[(*i + out.len() - 1) % out.len()].1).unwrap_or(0);
+    let start =
+        (0..out.len()).find(|i| out[*i].1 && !out[(*i + out.len() - 1) % out.len()].1).unwrap_or(0);
     out.rotate_left(start);
     out.into_iter().map(|(p, _)| p).collect()
 }
@@ -180,7 +183,8 @@ fn piece<R: Number>(
     let q: [[R; 2]; 3] =
         v.map(|p| [0, 1].map(|i| R::of(camera.focal[i]) * p[i] / p[2] + R::of(camera.center[i])));
     let distance = |a: [R; 2], b: [R; 2]| {
-        let (x, y) = (b[0] - a[0], b[1] - a[1]);
+        let x = b[0] - a[0];
+        let y = b[1] - a[1];
         (x * x + y * y).sqrt()
     };
     // Incenter: corners weighted by the lengths of the opposite sides.
@@ -189,10 +193,12 @@ fn piece<R: Number>(
     if !(perimeter.value() > 0.0) {
         return None;
     }
-    let s =
-        [0, 1].map(|i| (q[0][i] * opposite[0] + q[1][i] * opposite[1] + q[2][i] * opposite[2]) / perimeter);
+    let s = [0, 1].map(|i| {
+        (q[0][i] * opposite[0] + q[1][i] * opposite[1] + q[2][i] * opposite[2]) / perimeter
+    });
     let lines = [0, 1, 2].map(|i| {
-        let (a, b) = (q[i], q[(i + 1) % 3]);
+        let a = q[i];
+        let b = q[(i + 1) % 3];
         let length = distance(a, b);
         let mut n = [(b[1] - a[1]) / length, (a[0] - b[0]) / length];
         let mut d = -(n[0] * a[0] + n[1] * a[1]);
@@ -213,8 +219,8 @@ fn piece<R: Number>(
         opacity = opacity * x * x * (R::of(3.0) - R::of(2.0) * x);
     }
     let centroid = mul(add(add(t.vertices[0], t.vertices[1]), t.vertices[2]), R::of(1.0 / 3.0));
-    let position =
-        [0, 1, 2].map(|i| -(0..3).map(|j| camera.rotation[j][i] * camera.translation[j]).sum::<f64>());
+    let position = [0, 1, 2]
+        .map(|i| -(0..3).map(|j| camera.rotation[j][i] * camera.translation[j]).sum::<f64>());
     let offset = sub(centroid, position.map(R::of));
     let unit = mul(offset, R::of(1.0) / dot(offset, offset).sqrt());
     let plane = cross(sub(v[1], v[0]), sub(v[2], v[0]));
@@ -224,7 +230,11 @@ fn piece<R: Number>(
         phi_s,
         opacity,
         sigma: t.sigma,
-        rgb: if rules.linear { sh_color(&t.sh, unit).map(linear_from_srgb) } else { sh_color(&t.sh, unit) },
+        rgb: if rules.linear {
+            sh_color(&t.sh, unit).map(linear_from_srgb)
+        } else {
+            sh_color(&t.sh, unit)
+        },
         depth: (v[0][2] + v[1][2] + v[2][2]) / R::of(3.0),
         plane,
         plane_d: dot(plane, v[0]),
@@ -239,7 +249,11 @@ fn phi<R: Number>(lines: &[[R; 3]; 3], p: [R; 2]) -> (R, f64) {
 }
 
 /// All pixels, row by row.
-pub fn render<R: Number>(triangles: &[Triangle<R>], camera: &OracleCamera, rules: &Rules) -> Vec<Pixel<R>> {
+pub fn render<R: Number>(
+    triangles: &[Triangle<R>],
+    camera: &OracleCamera,
+    rules: &Rules,
+) -> Vec<Pixel<R>> {
     let mut pieces = Vec::new();
     for (i, t) in triangles.iter().enumerate() {
         let corners = clip(t.vertices.map(|v| to_camera(camera, v)), rules.near);
@@ -251,7 +265,13 @@ pub fn render<R: Number>(triangles: &[Triangle<R>], camera: &OracleCamera, rules
     let mut out = Vec::new();
     for y in 0..camera.size[1] {
         for x in 0..camera.size[0] {
-            out.push(pixel(&pieces, triangles.len(), camera, rules, [x as f64 + 0.5, y as f64 + 0.5]));
+            out.push(pixel(
+                &pieces,
+                triangles.len(),
+                camera,
+                rules,
+                [x as f64 + 0.5, y as f64 + 0.5],
+            ));
         }
     }
     out
@@ -266,8 +286,12 @@ struct Layer<R> {
 
 /// Depth of the piece's plane at p, and its unit normal towards the camera.
 fn plane_at<R: Number>(piece: &Piece<R>, camera: &OracleCamera, p: [f64; 2]) -> (R, P3<R>) {
-    let ray = [(p[0] - camera.center[0]) / camera.focal[0], (p[1] - camera.center[1]) / camera.focal[1], 1.0]
-        .map(R::of);
+    let ray = [
+        (p[0] - camera.center[0]) / camera.focal[0],
+        (p[1] - camera.center[1]) / camera.focal[1],
+        1.0,
+    ]
+    .map(R::of);
     let z = piece.plane_d / dot(piece.plane, ray);
     let n = mul(piece.plane, R::of(1.0) / dot(piece.plane, piece.plane).sqrt());
     (z, if dot(n, ray).value() > 0.0 { n.map(|x| -x) } else { n })
@@ -336,7 +360,8 @@ fn layers<R: Number>(
     if !rules.per_pixel {
         // Depths that differ by less than 5e-6 may be taken in either order by single precision, equal ones go by their index.
         for pair in out.windows(2) {
-            let gap = pieces[pair[1].piece].depth.value() / pieces[pair[0].piece].depth.value() - 1.0;
+            let gap =
+                pieces[pair[1].piece].depth.value() / pieces[pair[0].piece].depth.value() - 1.0;
             *margin = if gap > 0.0 { margin.min(100.0 * gap) } else { *margin };
         }
     }

@@ -53,7 +53,8 @@ pub struct FaceAt {
 /// The ray through a sample of a picture with `samples` per pixel along each axis, in camera space.
 pub fn ray(camera: &Camera, samples: u32, x: u32, y: u32) -> DVec3 {
     let scale = f64::from(samples);
-    let (focal, center) = (camera.focal.as_dvec2() * scale, camera.center.as_dvec2() * scale);
+    let focal = camera.focal.as_dvec2() * scale;
+    let center = camera.center.as_dvec2() * scale;
     ((DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) - center) / focal).extend(1.0)
 }
 
@@ -71,7 +72,8 @@ impl RayFace {
         // Corners that are not before the camera are clipped in double precision.
         let corner = |q: &DVec3| q.length() / (q.z * q.z);
         let corners = q.iter().filter(|q| q.z > near).map(corner).fold(0.0, f64::max);
-        let farthest = q.iter().filter(|q| q.z > near).map(reach).fold(focal.max_element(), f64::max);
+        let farthest =
+            q.iter().filter(|q| q.z > near).map(reach).fold(focal.max_element(), f64::max);
         Self {
             normals,
             sum,
@@ -91,7 +93,9 @@ impl RayFace {
         let slack = self.steep_sum / self.volume.abs() * self.band + 1e-6 * w.abs() + self.corners;
         let parts = self.normals.map(|n| n.dot(ray));
         let inside = std::array::from_fn(|i| along.signum() * parts[i] / self.steep[i]);
-        let out = inside.iter().any(|d: &f64| *d < -self.band) || w < -slack || w - slack > 1.0 / self.near;
+        let out = inside.iter().any(|d: &f64| *d < -self.band)
+            || w < -slack
+            || w - slack > 1.0 / self.near;
         let weights = parts.map(|part| part / along);
         (!out).then_some(FaceAt { inside, band: self.band, w, slack, weights })
     }
@@ -105,7 +109,9 @@ impl FaceAt {
 
     /// Whether it does wherever the corners are snapped to.
     pub fn certainly_covers(&self, near: f64) -> bool {
-        self.inside.iter().all(|d| *d > self.band) && self.w > self.slack && self.w + self.slack < 1.0 / near
+        self.inside.iter().all(|d| *d > self.band)
+            && self.w > self.slack
+            && self.w + self.slack < 1.0 / near
     }
 }
 
@@ -123,7 +129,9 @@ pub fn wrong_samples(drawn: &Visibility, mesh: &Mesh, camera: &Camera, near: f64
             let limit = mine.map_or(0.0, |mine| mine.w + mine.slack);
             let hidden = |(f, face): (usize, &RayFace)| {
                 f as u32 != got
-                    && face.at(ray).is_some_and(|o| o.certainly_covers(near) && o.w - o.slack > limit)
+                    && face
+                        .at(ray)
+                        .is_some_and(|o| o.certainly_covers(near) && o.w - o.slack > limit)
             };
             let impossible = got != NO_FACE && mine.is_none();
             wrong += usize::from(impossible || faces.iter().enumerate().any(hidden));

@@ -24,9 +24,16 @@ pub(crate) struct PointRow {
 }
 
 /// Writes the three files of a model into `folder`; tracks are made from the observations.
-pub(crate) fn write(folder: &Path, lens: &Lens, images: &[ImageRow], points: &[PointRow]) -> Result<()> {
+pub(crate) fn write(
+    folder: &Path,
+    lens: &Lens,
+    images: &[ImageRow],
+    points: &[PointRow],
+) -> Result<()> {
     let mut cameras = String::from("# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n");
-    let ([w, h], [fx, fy], [cx, cy]) = (lens.size.to_array(), lens.focal.to_array(), lens.center.to_array());
+    let [w, h] = lens.size.to_array();
+    let [fx, fy] = lens.focal.to_array();
+    let [cx, cy] = lens.center.to_array();
     cameras += &format!("1 PINHOLE {w} {h} {fx} {fy} {cx} {cy}\n");
     let mut rows = String::from(
         "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# POINTS2D[] as (X, Y, POINT3D_ID)\n",
@@ -60,8 +67,11 @@ pub(crate) fn write(folder: &Path, lens: &Lens, images: &[ImageRow], points: &[P
 
 /// The line of a camera in cameras.txt.
 pub(crate) fn camera_line(model: &str, lens: &Lens) -> String {
-    let ([w, h], [fx, fy], [cx, cy]) = (lens.size.to_array(), lens.focal.to_array(), lens.center.to_array());
-    let Distortion { radial: [k1, k2, k3, k4], tangential: [p1, p2], prism: [s1, s2], .. } = lens.distortion;
+    let [w, h] = lens.size.to_array();
+    let [fx, fy] = lens.focal.to_array();
+    let [cx, cy] = lens.center.to_array();
+    let Distortion { radial: [k1, k2, k3, k4], tangential: [p1, p2], prism: [s1, s2], .. } =
+        lens.distortion;
     let numbers = match model {
         "SPHERICAL" => vec![f64::from(w), f64::from(h)],
         "SIMPLE_RADIAL_FISHEYE" => vec![fx, cx, cy, k1],

@@ -70,7 +70,9 @@ pub fn write(folder: &Path, options: &SyntheticOptions) -> Result<()> {
         let camera = camera(options, index);
         let photo = match (options.transparent, options.phone) {
             (true, _) => render_things(&camera),
-            (false, true) => truth(options, index).take(options.seed, index, &render(&camera)).to_pixels(),
+            (false, true) => {
+                truth(options, index).take(options.seed, index, &render(&camera)).to_pixels()
+            }
             (false, false) => render(&camera).to_pixels(),
         };
         photo.save_png(images.join(photo_name(index)))
@@ -133,8 +135,8 @@ pub fn render(camera: &Camera) -> Image {
     let smooth_around = |x: u32, y: u32| {
         let own = &coarse[(y * width + x) as usize];
         let rows = y.saturating_sub(1)..(y + 2).min(height);
-        let mut around =
-            rows.flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| y * width + x));
+        let mut around = rows
+            .flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| y * width + x));
         around.all(|i| coarse[i as usize].smooth && coarse[i as usize].object == own.object)
     };
     let pixel = |i: usize| {
@@ -149,7 +151,8 @@ pub fn render(camera: &Camera) -> Image {
 /// A camera's view of only the objects: alpha is the share of 64 rays that hit one, and the colour is the
 /// mean of these rays.
 pub fn render_things(camera: &Camera) -> RgbImage {
-    let (rays, width) = (RayCamera::new(camera), camera.size.x);
+    let rays = RayCamera::new(camera);
+    let width = camera.size.x;
     let pixel = |i: usize| {
         let i = i as u32;
         let at = |k: u32| DVec2::new(f64::from(k % 8) + 0.5, f64::from(k / 8) + 0.5) / 8.0;
@@ -168,7 +171,8 @@ pub fn render_things(camera: &Camera) -> RgbImage {
 pub fn render_lens(camera: &Camera, lens: &Lens) -> RgbImage {
     let rays = RayCamera::new(camera);
     let pixel = |i: usize| {
-        let (i, width) = (i as u32, lens.size.x);
+        let i = i as u32;
+        let width = lens.size.x;
         let corner = DVec2::new(f64::from(i % width), f64::from(i / width));
         let at = |k: u32| (DVec2::new(f64::from(k % 4), f64::from(k / 4)) + 0.5) / 4.0;
         let ray = |k: u32| {
@@ -200,7 +204,8 @@ pub fn write_lens(
     colmap::forget_observations(&folder.join("sparse/0/images.txt"))?;
     let images = folder.join("images");
     std::fs::create_dir_all(&images).map_err(|e| Error::io(&images, e))?;
-    let photo = |index| draw(lens, &camera(options, index)).save_png(images.join(photo_name(index)));
+    let photo =
+        |index| draw(lens, &camera(options, index)).save_png(images.join(photo_name(index)));
     (0..options.views).try_for_each(photo)
 }
 
@@ -240,15 +245,21 @@ impl RayCamera {
     /// Mean colour of `grid`² rays through a pixel. The grid is sheared both ways, so that no two rays
     /// share a row or a column: an upright edge is then resolved to 1/grid² of a pixel, not to 1/grid.
     fn average(&self, x: u32, y: u32, grid: u32) -> Average {
-        let (mut sum, mut low, mut high) = (DVec3::ZERO, DVec3::ONE, DVec3::ZERO);
-        let (mut first, mut one_object) = (None, true);
+        let mut sum = DVec3::ZERO;
+        let mut low = DVec3::ONE;
+        let mut high = DVec3::ZERO;
+        let mut first = None;
+        let mut one_object = true;
         for k in 0..grid * grid {
-            let (i, j, n) = (f64::from(k % grid), f64::from(k / grid), f64::from(grid));
+            let i = f64::from(k % grid);
+            let j = f64::from(k / grid);
+            let n = f64::from(grid);
             let offset = DVec2::new(i + (j + 0.5) / n, j + (i + 0.5) / n) / n;
             let hit = self.trace(DVec2::new(f64::from(x), f64::from(y)) + offset);
             let rgb = hit.map_or(DVec3::ZERO, |hit| hit.rgb);
             sum += rgb;
-            (low, high) = (low.min(rgb), high.max(rgb));
+            low = low.min(rgb);
+            high = high.max(rgb);
             let object = hit.map(|hit| hit.object);
             one_object &= *first.get_or_insert(object) == object;
         }
@@ -276,7 +287,8 @@ fn pose(options: &SyntheticOptions, index: u32) -> (DMat3, DVec3) {
     let turn = f64::from(index) / f64::from(options.views);
     // Twice around, from low to high; half a step more, so that the second round looks between the
     // places of the first.
-    let angle = std::f64::consts::TAU * (2.0 * turn + turn / f64::from(options.views)) + 0.06 * jitter(0);
+    let angle =
+        std::f64::consts::TAU * (2.0 * turn + turn / f64::from(options.views)) + 0.06 * jitter(0);
     let height = 1.2 + 1.1 * turn + 0.08 * jitter(1);
     let radius = 4.3 - 0.7 * turn + 0.15 * jitter(2);
     let position = DVec3::new(radius * angle.cos(), -height, radius * angle.sin());
@@ -295,10 +307,11 @@ fn model(options: &SyntheticOptions) -> (Vec<ImageRow>, Vec<PointRow>) {
         ImageRow { name: photo_name(index), rotation, translation, observations: Vec::new() }
     };
     let mut images: Vec<ImageRow> = (0..options.views).map(image).collect();
-    let tracks: Vec<Track> = parallel::map(0..options.points, |_, id| track(options, &lens, &images, id))
-        .into_iter()
-        .flatten()
-        .collect();
+    let tracks: Vec<Track> =
+        parallel::map(0..options.points, |_, id| track(options, &lens, &images, id))
+            .into_iter()
+            .flatten()
+            .collect();
     let mut points = Vec::with_capacity(tracks.len());
     for Track { point, observations } in tracks {
         for (image, place) in observations {
@@ -355,6 +368,7 @@ fn track(options: &SyntheticOptions, lens: &Lens, images: &[ImageRow], id: u32) 
         let rgb = (hit.rgb * 255.0).round().as_u8vec3().to_array();
         let error = (error / observations.len() as f64 * 1e4).round() / 1e4;
         let point = PointRow { id: u64::from(id) + 1, position, rgb, error };
-        (observations.len() >= SHORTEST_TRACK.min(images.len())).then_some(Track { point, observations })
+        (observations.len() >= SHORTEST_TRACK.min(images.len()))
+            .then_some(Track { point, observations })
     })
 }

@@ -56,7 +56,8 @@ impl PhotoTruth {
     pub fn new(seed: u64, index: u32, views: u32, name: String, pose: (DMat3, DVec3)) -> Self {
         let rng = Rng::new(seed, "light", u64::from(index));
         let turn = std::f64::consts::TAU * f64::from(index) / f64::from(views);
-        let exposure = EXPOSURE_WAVE * (3.0 * turn).sin() + EXPOSURE_NOISE * f64::from(rng.normal(0));
+        let exposure =
+            EXPOSURE_WAVE * (3.0 * turn).sin() + EXPOSURE_NOISE * f64::from(rng.normal(0));
         let [red, blue] = [1, 2].map(|k| BALANCE * f64::from(rng.normal(k)));
         let q = DQuat::from_mat3(&pose.0);
         Self {
@@ -70,7 +71,8 @@ impl PhotoTruth {
     /// The phone's photo of the camera's view.
     pub fn take(&self, seed: u64, index: u32, scene: &Image) -> Image {
         let noise = Rng::new(seed, "noise", u64::from(index));
-        let (width, middle) = (scene.size.x as usize, scene.size.as_vec2() / 2.0);
+        let width = scene.size.x as usize;
+        let middle = scene.size.as_vec2() / 2.0;
         let pixel = |(i, rgb): (usize, &[f32; 3])| {
             let place = Vec2::new((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
             let r2 = place.distance_squared(middle) / middle.length_squared();

@@ -100,11 +100,20 @@ pub fn trace(ray: Ray) -> Option<SurfaceHit> {
     let position = ray.origin + ray.direction * distance;
     let Object { shape, paint, gloss } = OBJECTS[object];
     // Only here: for every ball on every ray they would take most of the time.
-    let uv = if matches!(shape, Shape::Ball { .. } | Shape::Sky { .. }) { around(outward) } else { uv };
+    let uv =
+        if matches!(shape, Shape::Ball { .. } | Shape::Sky { .. }) { around(outward) } else { uv };
     let normal = if outward.dot(ray.direction) > 0.0 { -outward } else { outward };
     if matches!(shape, Shape::Sky { .. }) {
         let rgb = albedo(paint, uv, position);
-        return Some(SurfaceHit { distance, position, normal, rgb, object, sky: true, thing: false });
+        return Some(SurfaceHit {
+            distance,
+            position,
+            normal,
+            rgb,
+            object,
+            sky: true,
+            thing: false,
+        });
     }
     let lit = normal.dot(SUN) > 0.0 && !shadowed(position + normal * 1e-6);
     let sun = if lit { normal.dot(SUN) } else { 0.0 };
@@ -114,7 +123,15 @@ pub fn trace(ray: Ray) -> Option<SurfaceHit> {
         rgb += DVec3::splat(gloss * mirrored.dot(SUN).max(0.0).powi(16));
     }
     let thing = !matches!(shape, Shape::Ground);
-    Some(SurfaceHit { distance, position, normal, rgb: rgb.min(DVec3::ONE), object, sky: false, thing })
+    Some(SurfaceHit {
+        distance,
+        position,
+        normal,
+        rgb: rgb.min(DVec3::ONE),
+        object,
+        sky: false,
+        thing,
+    })
 }
 
 /// True when no object is between a point and an eye.
@@ -124,15 +141,18 @@ pub fn visible(point: DVec3, eye: DVec3) -> bool {
 }
 
 fn nearest(ray: Ray) -> Option<(usize, Intersection)> {
-    let hits = OBJECTS.iter().enumerate().filter_map(|(i, object)| Some((i, object.shape.intersect(ray)?)));
+    let hits = OBJECTS
+        .iter()
+        .enumerate()
+        .filter_map(|(i, object)| Some((i, object.shape.intersect(ray)?)));
     hits.min_by(|a, b| a.1.0.total_cmp(&b.1.0))
 }
 
 fn shadowed(from: DVec3) -> bool {
     let ray = Ray { origin: from, direction: SUN };
-    OBJECTS
-        .iter()
-        .any(|object| !matches!(object.shape, Shape::Sky { .. }) && object.shape.intersect(ray).is_some())
+    OBJECTS.iter().any(|object| {
+        !matches!(object.shape, Shape::Sky { .. }) && object.shape.intersect(ray).is_some()
+    })
 }
 
 /// The scene. -Y is up: objects stand on y = 0 and reach into negative y.
@@ -147,7 +167,8 @@ const OBJECTS: [Object; 12] = {
         Object { shape, paint, gloss: 0.0 }
     }
     const fn pole(from: [f64; 3], to: [f64; 3], radius: f64, color: DVec3) -> Object {
-        let (from, to) = (DVec3::from_array(from), DVec3::from_array(to));
+        let from = DVec3::from_array(from);
+        let to = DVec3::from_array(to);
         matt(Shape::Pole { from, to, radius }, Paint::Plain(color))
     }
     const fn ball(center: [f64; 3], radius: f64, paint: Paint, gloss: f64) -> Object {
@@ -157,8 +178,11 @@ const OBJECTS: [Object; 12] = {
         DVec3::new(x, y, z)
     }
     // 30 degrees about Y.
-    const TURN: DMat3 =
-        DMat3::from_cols(at(0.8660254037844387, 0.0, 0.5), DVec3::Y, at(-0.5, 0.0, 0.8660254037844387));
+    const TURN: DMat3 = DMat3::from_cols(
+        at(0.8660254037844387, 0.0, 0.5),
+        DVec3::Y,
+        at(-0.5, 0.0, 0.8660254037844387),
+    );
     [
         matt(Shape::Sky { radius: SKY_RADIUS }, Paint::Gradient),
         matt(Shape::Ground, Paint::Checker),
@@ -166,11 +190,19 @@ const OBJECTS: [Object; 12] = {
         ball([0.35, -0.32, -0.95], 0.32, Paint::Plain(TEAL), 0.35),
         ball([-0.35, -0.2, -1.35], 0.2, Paint::Stripes(YELLOW, DARK), 0.0),
         matt(
-            Shape::Block { center: at(0.95, -0.4, 0.45), half: at(0.45, 0.4, 0.35), rotation: TURN },
+            Shape::Block {
+                center: at(0.95, -0.4, 0.45),
+                half: at(0.45, 0.4, 0.35),
+                rotation: TURN,
+            },
             Paint::Wood,
         ),
         matt(
-            Shape::Card { corner: at(-0.55, -1.3, 1.35), right: at(1.1, 0.0, 0.25), down: at(0.0, 0.8, 0.0) },
+            Shape::Card {
+                corner: at(-0.55, -1.3, 1.35),
+                right: at(1.1, 0.0, 0.25),
+                down: at(0.0, 0.8, 0.0),
+            },
             Paint::TestCard,
         ),
         pole([-0.5, 0.0, 1.34], [-0.5, -0.5, 1.34], 0.03, STEEL),
@@ -188,7 +220,11 @@ impl Shape {
             Shape::Ground => {
                 let t = -ray.origin.y / ray.direction.y;
                 let p = ray.origin + ray.direction * t;
-                (t > 0.0 && p.length() < SKY_RADIUS).then_some((t, DVec3::NEG_Y, DVec2::new(p.x, p.z)))
+                (t > 0.0 && p.length() < SKY_RADIUS).then_some((
+                    t,
+                    DVec3::NEG_Y,
+                    DVec2::new(p.x, p.z),
+                ))
             }
             Shape::Ball { center, radius } => {
                 let (near, _) = ball_span(ray, center, radius)?;
@@ -206,8 +242,10 @@ impl Shape {
                 let normal = right.cross(down).normalize();
                 let t = (corner - ray.origin).dot(normal) / ray.direction.dot(normal);
                 let p = ray.origin + ray.direction * t - corner;
-                let uv =
-                    DVec2::new(p.dot(right) / right.length_squared(), p.dot(down) / down.length_squared());
+                let uv = DVec2::new(
+                    p.dot(right) / right.length_squared(),
+                    p.dot(down) / down.length_squared(),
+                );
                 let inside = uv.cmpge(DVec2::ZERO).all() && uv.cmple(DVec2::ONE).all();
                 (t > 0.0 && inside).then_some((t, normal, uv))
             }
@@ -231,9 +269,12 @@ fn ball_span(ray: Ray, center: DVec3, radius: f64) -> Option<(f64, f64)> {
 }
 
 fn touch_block(ray: Ray, center: DVec3, half: DVec3, rotation: DMat3) -> Option<Intersection> {
-    let (o, d) = (rotation * (ray.origin - center), rotation * ray.direction);
-    let (a, b) = ((-half - o) / d, (half - o) / d);
-    let (near, far) = (a.min(b), a.max(b));
+    let o = rotation * (ray.origin - center);
+    let d = rotation * ray.direction;
+    let a = (-half - o) / d;
+    let b = (half - o) / d;
+    let near = a.min(b);
+    let far = a.max(b);
     let t = near.max_element();
     if !(t > 0.0 && t <= far.min_element()) {
         return None;
@@ -252,9 +293,12 @@ fn touch_block(ray: Ray, center: DVec3, half: DVec3, rotation: DMat3) -> Option<
 fn touch_pole(ray: Ray, from: DVec3, to: DVec3, radius: f64) -> Option<Intersection> {
     let length = from.distance(to);
     let axis = (to - from) / length;
-    let (o, d) = (ray.origin - from, ray.direction);
-    let (along_o, along_d) = (o.dot(axis), d.dot(axis));
-    let (flat_o, flat_d) = (o - axis * along_o, d - axis * along_d);
+    let o = ray.origin - from;
+    let d = ray.direction;
+    let along_o = o.dot(axis);
+    let along_d = d.dot(axis);
+    let flat_o = o - axis * along_o;
+    let flat_d = d - axis * along_d;
     let a = flat_d.length_squared();
     let b = flat_o.dot(flat_d);
     let root = b * b - a * (flat_o.length_squared() - radius * radius);
@@ -290,7 +334,11 @@ fn albedo(paint: Paint, uv: DVec2, position: DVec3) -> DVec3 {
         Paint::Checker if uv.abs().max_element() <= FLOOR_HALF => {
             let dark = odd((uv.x / 0.5).floor() + (uv.y / 0.5).floor());
             let vein = 0.5 + 0.5 * (9.0 * uv.x + 3.0 * (2.3 * uv.y).sin()).sin();
-            if dark { rgb(0.3, 0.33, 0.4) + 0.06 * vein } else { rgb(0.86, 0.83, 0.76) - 0.08 * vein }
+            if dark {
+                rgb(0.3, 0.33, 0.4) + 0.06 * vein
+            } else {
+                rgb(0.86, 0.83, 0.76) - 0.08 * vein
+            }
         }
         // Sand with dunes that fade into the distance.
         Paint::Checker => {
@@ -307,7 +355,8 @@ fn albedo(paint: Paint, uv: DVec2, position: DVec3) -> DVec3 {
         Paint::TestCard => test_card(uv),
         Paint::Gradient => {
             let height = (-position.y / SKY_RADIUS).clamp(0.0, 1.0);
-            let cloud = 0.5 + 0.5 * (TAU * (3.0 * uv.x + 2.0 * uv.y)).sin() * (TAU * 4.0 * uv.y).cos();
+            let cloud =
+                0.5 + 0.5 * (TAU * (3.0 * uv.x + 2.0 * uv.y)).sin() * (TAU * 4.0 * uv.y).cos();
             let sky = rgb(0.86, 0.9, 0.95).lerp(rgb(0.3, 0.52, 0.85), height.sqrt());
             sky.lerp(DVec3::ONE, 0.25 * cloud * (1.0 - height))
         }

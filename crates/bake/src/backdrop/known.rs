@@ -51,7 +51,15 @@ impl KnownColors {
             let photo = views.photo(view)?;
             let camera = views.camera(view);
             let visible = solid.visibility(mesh, camera, &drawing);
-            let shown = VisiblePhoto { mesh, behind, uvs, rows, camera, photo: &photo, face: &visible.face };
+            let shown = VisiblePhoto {
+                mesh,
+                behind,
+                uvs,
+                rows,
+                camera,
+                photo: &photo,
+                face: &visible.face,
+            };
             seen.extend(shown.texels());
         }
         seen.par_sort_unstable();
@@ -74,10 +82,15 @@ impl KnownColors {
 
     /// Adds colours with a small weight where nothing is known. `[H * W]`
     pub(super) fn add(&mut self, picture: &RgbImage, weight: f32) {
-        for (i, rgb) in
-            picture.rgb.iter().enumerate().filter(|(i, _)| self.weights[*i] == 0.0).collect::<Vec<_>>()
+        for (i, rgb) in picture
+            .rgb
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| self.weights[*i] == 0.0)
+            .collect::<Vec<_>>()
         {
-            (self.values[i], self.weights[i]) = (rgb.map(f32::from), weight);
+            self.values[i] = rgb.map(f32::from);
+            self.weights[i] = weight;
         }
     }
 
@@ -114,7 +127,8 @@ fn agreed(colors: &[[u8; 3]]) -> ([f32; 3], f32) {
     let middle = [0, 1, 2].map(|c: usize| {
         i32::from(median(colors.iter().map(|color| color[c]).collect(), u8::cmp).unwrap_or(0))
     });
-    let (mut sum, mut count) = ([0.0f32; 3], 0.0f32);
+    let mut sum = [0.0f32; 3];
+    let mut count = 0.0f32;
     for color in colors {
         if (0..3).all(|c| (i32::from(color[c]) - middle[c]).abs() <= AGREE) {
             (0..3).for_each(|c| sum[c] += f32::from(color[c]));
@@ -129,7 +143,11 @@ fn agreed(colors: &[[u8; 3]]) -> ([f32; 3], f32) {
 
 /// A texel and its colour in one photo, in one number that sorts by texel.
 fn packed(texel: usize, rim: bool, [r, g, b]: [u8; 3]) -> u64 {
-    (texel as u64) << 32 | u64::from(rim) << 24 | u64::from(r) << 16 | u64::from(g) << 8 | u64::from(b)
+    (texel as u64) << 32
+        | u64::from(rim) << 24
+        | u64::from(r) << 16
+        | u64::from(g) << 8
+        | u64::from(b)
 }
 
 fn texel(packed: u64) -> usize {
@@ -175,7 +193,8 @@ impl VisiblePhoto<'_> {
     /// Pixels of a row that show the backdrop.
     fn row(&self, y: u32) -> Vec<u64> {
         let barycentrics = Barycentrics::new(self.mesh, self.camera, 1);
-        let (width, columns) = (self.photo.size.x, 2 * self.rows);
+        let width = self.photo.size.x;
+        let columns = 2 * self.rows;
         let mut last = (NO_FACE, None);
         let mut found = Vec::new();
         for x in 0..width {
@@ -192,7 +211,8 @@ impl VisiblePhoto<'_> {
             let weights = barycentrics.weights(of_face, x, y);
             let uvs = &self.uvs[face as usize - self.behind];
             let place = uvs[0] * weights[0] + uvs[1] * weights[1] + uvs[2] * weights[2];
-            let [column, row] = [place.x * columns as f32, place.y * self.rows as f32].map(|at| at as usize);
+            let [column, row] =
+                [place.x * columns as f32, place.y * self.rows as f32].map(|at| at as usize);
             let texel = row.min(self.rows - 1) * columns + column.min(columns - 1);
             found.push(packed(texel, self.is_rim(x, y), self.photo.rgb[pixel]));
         }
@@ -203,8 +223,10 @@ impl VisiblePhoto<'_> {
     fn is_rim(&self, x: u32, y: u32) -> bool {
         let size = self.photo.size;
         let shows = |x: u32, y: u32| (self.face[(y * size.x + x) as usize] as usize) < self.behind;
-        let (left, right) = (x.saturating_sub(1), (x + 1).min(size.x - 1));
-        let (above, below) = (y.saturating_sub(1), (y + 1).min(size.y - 1));
+        let left = x.saturating_sub(1);
+        let right = (x + 1).min(size.x - 1);
+        let above = y.saturating_sub(1);
+        let below = (y + 1).min(size.y - 1);
         shows(left, y) || shows(right, y) || shows(x, above) || shows(x, below)
     }
 }
@@ -239,18 +261,22 @@ pub(super) fn fill(known: KnownColors) -> Vec<[f32; 3]> {
 
 /// The picture with twice as many rows and columns, interpolated.
 fn doubled(coarse: &[[f32; 3]], rows: usize) -> Vec<[f32; 3]> {
-    let (height, width) = (rows / 2, rows);
+    let height = rows / 2;
+    let width = rows;
     let at = |row: usize, column: usize| coarse[row.min(height - 1) * width + column % width];
     let value = |i: usize| {
-        let (row, column) = (i / (2 * rows), i % (2 * rows));
+        let row = i / (2 * rows);
+        let column = i % (2 * rows);
         // A texel lies a quarter of a coarse one from the middle of its own, towards a neighbour.
         let beside = |i: usize, count: usize| {
             if i.is_multiple_of(2) { (i / 2 + count - 1) % count } else { i / 2 + 1 }
         };
         let other_row = if row == 0 { 0 } else { beside(row, usize::MAX / 2) };
         let other = beside(column, width);
-        let (row, column) = (row / 2, column / 2);
-        let corners = [at(row, column), at(row, other), at(other_row, column), at(other_row, other)];
+        let row = row / 2;
+        let column = column / 2;
+        let corners =
+            [at(row, column), at(row, other), at(other_row, column), at(other_row, other)];
         let mix = |c: usize| {
             let [own, along, down, both] = corners.map(|corner| corner[c]);
             (9.0 * own + 3.0 * (along + down) + both) / 16.0
@@ -270,7 +296,8 @@ struct Links {
 impl Links {
     fn new(rows: usize) -> Self {
         let sine = |row: f64| libm::sin(row / rows as f64 * std::f64::consts::PI);
-        let of_rows = |link: &dyn Fn(f64) -> f64| (0..rows).map(|row| link(row as f64) as f32).collect();
+        let of_rows =
+            |link: &dyn Fn(f64) -> f64| (0..rows).map(|row| link(row as f64) as f32).collect();
         Self {
             along: of_rows(&|row| sine(row + 0.5).powi(-1)),
             above: of_rows(&|row| sine(row).max(0.0)),
@@ -281,16 +308,20 @@ impl Links {
 
 /// Solves every second texel for its neighbours.
 fn relax(values: &mut [[f32; 3]], known: &KnownColors, links: &Links, parity: usize) {
-    let (rows, columns) = (known.rows, 2 * known.rows);
+    let rows = known.rows;
+    let columns = 2 * known.rows;
     for row in 0..rows {
-        let (along, above, below) = (links.along[row], links.above[row], links.below[row]);
+        let along = links.along[row];
+        let above = links.above[row];
+        let below = links.below[row];
         let [up, down] = [row.saturating_sub(1) * columns, (row + 1).min(rows - 1) * columns];
         let own = row * columns;
         for column in ((row + parity) % 2..columns).step_by(2) {
             let i = own + column;
             let left = values[own + (column + columns - 1) % columns];
             let right = values[own + (column + 1) % columns];
-            let (over, under) = (values[up + column], values[down + column]);
+            let over = values[up + column];
+            let under = values[down + column];
             let weight = known.weights[i];
             let per = 1.0 / (2.0 * along + above + below + weight);
             for c in 0..3 {
@@ -307,7 +338,8 @@ mod tests {
 
     #[test]
     fn photos_that_agree_outvote_one_that_does_not() {
-        let (value, count) = agreed(&[[100, 50, 20], [104, 52, 24], [250, 250, 250], [102, 54, 22]]);
+        let (value, count) =
+            agreed(&[[100, 50, 20], [104, 52, 24], [250, 250, 250], [102, 54, 22]]);
         assert_eq!((value, count), ([102.0, 52.0, 22.0], 3.0));
         assert_eq!(agreed(&[[7, 8, 9]]), ([7.0, 8.0, 9.0], 1.0));
     }
@@ -336,14 +368,15 @@ mod fill_tests {
                     (28..34, 30..40) => [180.0, 20.0, 20.0],
                     _ => continue,
                 };
-                (known.values[row * 2 * rows + column], known.weights[row * 2 * rows + column]) =
-                    (color, 50.0);
+                known.values[row * 2 * rows + column] = color;
+                known.weights[row * 2 * rows + column] = 50.0;
             }
         }
         let kept = known.clone();
         let filled = fill(known);
         for (i, value) in filled.iter().enumerate() {
-            let (row, column) = (i / (2 * rows), i % (2 * rows));
+            let row = i / (2 * rows);
+            let column = i % (2 * rows);
             if kept.weights[i] > 0.0 {
                 assert!((value[1] - kept.values[i][1]).abs() < 12.0, "{row} {column} {value:?}");
                 continue;
@@ -352,7 +385,10 @@ mod fill_tests {
             let below = filled[(row + 1) * 2 * rows + column];
             for c in 0..3 {
                 let step = (value[c] - right[c]).abs().max((value[c] - below[c]).abs());
-                assert!(step < 40.0 && (20.0..=200.0).contains(&value[c]), "{row} {column} {value:?}");
+                assert!(
+                    step < 40.0 && (20.0..=200.0).contains(&value[c]),
+                    "{row} {column} {value:?}"
+                );
             }
         }
         // Far from the patch the colour is that of the height.

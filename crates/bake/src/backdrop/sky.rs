@@ -53,7 +53,8 @@ impl Sky {
 
 /// What `views` show behind `mesh`, where `shell` is.
 fn photographed(mesh: &Mesh, shell: Option<&Mesh>, views: &mut Views) -> Result<RgbImage> {
-    let (center, mut least) = (views.center(), views.radius());
+    let center = views.center();
+    let mut least = views.radius();
     if shell.is_none() {
         least = mesh.positions.iter().map(|v| v.distance(center)).fold(least, f32::max);
     }
@@ -93,8 +94,9 @@ fn filled(known: KnownColors) -> RgbImage {
 
 /// Subdivisions of an octahedron for at most as many triangles as the shell.
 fn subdivisions(shell: Option<&Mesh>) -> u32 {
-    let fits =
-        |shell: &Mesh| (1..=MOST_SUBDIVISIONS).rev().find(|s| face_count(*s) <= shell.face_count() as u64);
+    let fits = |shell: &Mesh| {
+        (1..=MOST_SUBDIVISIONS).rev().find(|s| face_count(*s) <= shell.face_count() as u64)
+    };
     shell.map_or(OF_SPHERE, |shell| fits(shell).unwrap_or(1))
 }
 
@@ -108,7 +110,9 @@ fn rows(views: &Views) -> u32 {
 /// Gives `asset` the panorama in place of its backdrop, also in its levels. Returns whether there is one.
 pub(crate) fn take_sky(asset: &mut Asset, sky: Sky, placement: &Placement) -> bool {
     if let Some((scene, _)) = asset.apart() {
-        (asset.mesh, asset.chunks, asset.provenance.backdrop) = (scene.mesh, scene.chunks, 0);
+        asset.mesh = scene.mesh;
+        asset.chunks = scene.chunks;
+        asset.provenance.backdrop = 0;
     }
     for level in &mut asset.levels {
         if let Some((scene, _)) = level.apart() {
@@ -126,9 +130,13 @@ const SAMPLES: u32 = 2;
 
 /// `mesh` as it is seen from `center`: `rows` rows, twice as many columns.
 pub(super) fn panorama(mesh: &Mesh, center: Vec3, rows: u32) -> RgbImage {
-    let near = mesh.positions.iter().map(|v| v.distance(center)).fold(f32::INFINITY, f32::min) * 1e-3;
-    let options =
-        SolidRasterOptions { background: [0.0; 3], samples: SAMPLES, near: near.max(f32::MIN_POSITIVE) };
+    let near =
+        mesh.positions.iter().map(|v| v.distance(center)).fold(f32::INFINITY, f32::min) * 1e-3;
+    let options = SolidRasterOptions {
+        background: [0.0; 3],
+        samples: SAMPLES,
+        near: near.max(f32::MIN_POSITIVE),
+    };
     let mut solid = SolidRasterizer::new();
     let cameras = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z].map(|ahead| {
         let lens = Camera {
@@ -160,7 +168,8 @@ fn around(size: UVec2, color: impl Fn(Vec3) -> [u8; 3] + Sync) -> RgbImage {
 
 /// A panorama of the source's world as one of a file with this placement.
 pub(super) fn turned(picture: &RgbImage, how: &Placement) -> RgbImage {
-    let (size, back) = (picture.size, how.rotation().transpose());
+    let size = picture.size;
+    let back = how.rotation().transpose();
     around(size, |direction| {
         let from = place((back * direction.as_dvec3()).as_vec3()) * size.as_vec2() - 0.5;
         // The first and the last column are neighbours.
@@ -177,10 +186,16 @@ pub(super) fn turned(picture: &RgbImage, how: &Placement) -> RgbImage {
 fn sampled(picture: &RgbImage, camera: &Camera, direction: Vec3) -> [u8; 3] {
     let seen = camera.rotation * direction;
     let last = (picture.size - 1).as_vec2();
-    let at = (seen.truncate() / seen.z * camera.focal + camera.center - 0.5).clamp(Vec2::ZERO, last);
-    let (corner, part) = (at.as_uvec2(), at.fract());
+    let at =
+        (seen.truncate() / seen.z * camera.focal + camera.center - 0.5).clamp(Vec2::ZERO, last);
+    let corner = at.as_uvec2();
+    let part = at.fract();
     let next = (corner + 1).min(picture.size - 1);
-    mixed(picture, [(corner.x, corner.y), (next.x, corner.y), (corner.x, next.y), (next.x, next.y)], part)
+    mixed(
+        picture,
+        [(corner.x, corner.y), (next.x, corner.y), (corner.x, next.y), (next.x, next.y)],
+        part,
+    )
 }
 
 /// The colour between four pixels, left and right above and left and right below, `part` of the way from the first.
@@ -188,7 +203,8 @@ fn mixed(picture: &RgbImage, corners: [(u32, u32); 4], part: Vec2) -> [u8; 3] {
     let pixel = |x: u32, y: u32| picture.rgb[(y * picture.size.x + x) as usize].map(f32::from);
     let [a, b, c, d] = corners.map(|(x, y)| pixel(x, y));
     let mix = |i: usize| {
-        let (above, below) = (a[i] + part.x * (b[i] - a[i]), c[i] + part.x * (d[i] - c[i]));
+        let above = a[i] + part.x * (b[i] - a[i]);
+        let below = c[i] + part.x * (d[i] - c[i]);
         above + part.y * (below - above)
     };
     [mix(0), mix(1), mix(2)].map(|code| (code + 0.5) as u8)
@@ -203,7 +219,8 @@ const ROWS_PER_FACE: u32 = 4;
 
 /// Whether the faces of `shell` hardly touch: a closed surface has half as many vertices as faces, separate faces have three times as many.
 pub(crate) fn is_scattered(shell: &Mesh) -> bool {
-    let places: HashSet<[u32; 3]> = shell.positions.iter().map(|place| place_bits(*place)).collect();
+    let places: HashSet<[u32; 3]> =
+        shell.positions.iter().map(|place| place_bits(*place)).collect();
     shell.face_count() <= MOST_FACES && places.len() > shell.face_count()
 }
 
@@ -233,13 +250,16 @@ mod tests {
     fn scattered() -> Mesh {
         let (mut mesh, _) = surface(Vec3::ZERO, 2, None, 10.0);
         for face in 0..mesh.face_count() {
-            let (middle, normal) = (mesh.centroid(face), mesh.flat_normal(face));
+            let middle = mesh.centroid(face);
+            let normal = mesh.flat_normal(face);
             for corner in &mut mesh.positions[3 * face..3 * face + 3] {
-                let turned = glam::Quat::from_axis_angle(normal, 0.1 * face as f32) * (*corner - middle);
+                let turned =
+                    glam::Quat::from_axis_angle(normal, 0.1 * face as f32) * (*corner - middle);
                 *corner = middle + 2.0 * turned;
             }
         }
-        let level = |face: usize| if mesh.centroid(face).y > 0.0 { [0.0, 0.5, 1.0] } else { [0.2; 3] };
+        let level =
+            |face: usize| if mesh.centroid(face).y > 0.0 { [0.0, 0.5, 1.0] } else { [0.2; 3] };
         mesh.colors = Colors::Face((0..mesh.face_count()).map(level).collect());
         mesh
     }
@@ -251,10 +271,14 @@ mod tests {
         let found = closed(&shell, Vec3::ZERO, 1.0, u64::MAX).unwrap();
         assert!(!is_scattered(&found) && found.face_count() == 128);
         for face in 0..found.face_count() {
-            let (middle, color) = (found.centroid(face), found.corner_colors(face)[0]);
+            let middle = found.centroid(face);
+            let color = found.corner_colors(face)[0];
             assert!((6.0..14.0).contains(&middle.length()), "{middle}");
             let wanted = if middle.y > 0.0 { 1.0 } else { 0.2 };
-            assert!(middle.y.abs() < 4.0 || (color[2] - wanted).abs() < 0.01, "{middle}: {color:?}");
+            assert!(
+                middle.y.abs() < 4.0 || (color[2] - wanted).abs() < 0.01,
+                "{middle}: {color:?}"
+            );
         }
         let far = closed(&shell, Vec3::ZERO, 20.0, u64::MAX).unwrap();
         assert!(far.positions.iter().all(|v| v.length() > 19.9));

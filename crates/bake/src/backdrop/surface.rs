@@ -41,7 +41,8 @@ pub(super) fn surface(
         Some(shell) => distances(&corners, &faces, &|way| farthest(shell, center, way)),
         None => vec![least; corners.len()],
     };
-    let faces: Vec<[usize; 3]> = faces.into_iter().map(|[a, b, c]| [a, c, b].map(|i| i as usize)).collect();
+    let faces: Vec<[usize; 3]> =
+        faces.into_iter().map(|[a, b, c]| [a, c, b].map(|i| i as usize)).collect();
     let at = |i: usize| center + corners[i] * distances[i].max(least);
     let uvs = faces.iter().map(|face| places(face.map(|i| corners[i]))).collect();
     let positions: Vec<Vec3> = faces.into_iter().flatten().map(at).collect();
@@ -55,9 +56,12 @@ fn places(corners: [Vec3; 3]) -> [Vec2; 3] {
     // The first and the last column are one direction, and all columns meet in a pole.
     let beside = |corner: Vec3| place(corner) - Vec2::X * (place(corner).x - middle.x).round();
     let is_pole = |corner: Vec3| corner.x == 0.0 && corner.z == 0.0;
-    let others = corners.into_iter().filter(|corner| !is_pole(*corner)).map(|corner| beside(corner).x);
+    let others =
+        corners.into_iter().filter(|corner| !is_pole(*corner)).map(|corner| beside(corner).x);
     let mean = others.sum::<f32>() / 2.0;
-    corners.map(|corner| if is_pole(corner) { Vec2::new(mean, place(corner).y) } else { beside(corner) })
+    corners.map(
+        |corner| if is_pole(corner) { Vec2::new(mean, place(corner).y) } else { beside(corner) },
+    )
 }
 
 /// How far the shell is in a direction.
@@ -67,14 +71,21 @@ fn farthest(shell: &Mesh, center: Vec3, way: Vec3) -> Option<f32> {
 }
 
 /// The distance of each corner of a sphere: about `known` where it is, else between its neighbours'. `[V]`
-fn distances(corners: &[Vec3], faces: &[[u32; 3]], known: &dyn Fn(Vec3) -> Option<f32>) -> Vec<f32> {
+fn distances(
+    corners: &[Vec3],
+    faces: &[[u32; 3]],
+    known: &dyn Fn(Vec3) -> Option<f32>,
+) -> Vec<f32> {
     // In logarithms, so that twice and half the distance count equally.
-    let known: Vec<Option<f32>> = corners.iter().map(|corner| known(*corner).map(f32::ln)).collect();
+    let known: Vec<Option<f32>> =
+        corners.iter().map(|corner| known(*corner).map(f32::ln)).collect();
     let typical = median(known.iter().flatten().copied().collect(), f32::total_cmp).unwrap_or(0.0);
     let mut logs: Vec<f32> = known.iter().map(|known| known.unwrap_or(typical)).collect();
     for _ in 0..ROUNDS {
-        let mut sums: Vec<[f32; 2]> =
-            known.iter().map(|known| known.map_or([0.0; 2], |log| [OF_SHELL * log, OF_SHELL])).collect();
+        let mut sums: Vec<[f32; 2]> = known
+            .iter()
+            .map(|known| known.map_or([0.0; 2], |log| [OF_SHELL * log, OF_SHELL]))
+            .collect();
         for face in faces {
             for k in 0..3 {
                 let [to, from] = [face[k], face[(k + 1) % 3]].map(|i| i as usize);
@@ -114,7 +125,9 @@ mod tests {
         let mut edges = std::collections::BTreeMap::new();
         for face in 0..512 {
             let [a, b, c] = mesh.corners(face).map(|v| v.to_array().map(f32::to_bits));
-            [(a, b), (b, c), (c, a)].into_iter().for_each(|edge| *edges.entry(edge).or_insert(0) += 1);
+            [(a, b), (b, c), (c, a)]
+                .into_iter()
+                .for_each(|edge| *edges.entry(edge).or_insert(0) += 1);
             assert!(mesh.flat_normal(face).dot(center - mesh.centroid(face)) > 0.0, "inside");
         }
         assert!(edges.iter().all(|((a, b), n)| *n == 1 && edges.contains_key(&(*b, *a))));
@@ -122,7 +135,11 @@ mod tests {
         let most = mesh.positions.iter().map(|v| away(*v)).fold(0.0, f32::max);
         assert!(most < 40.0 && mesh.positions.iter().all(|v| away(*v) > 2.8), "{most}");
         let level = mesh.positions.iter().filter(|v| v.y < center.y);
-        assert!(level.clone().all(|v| (2.8..3.6).contains(&away(*v))), "{:?}", level.collect::<Vec<_>>());
+        assert!(
+            level.clone().all(|v| (2.8..3.6).contains(&away(*v))),
+            "{:?}",
+            level.collect::<Vec<_>>()
+        );
         let (around_cameras, _) = surface(center, 3, Some(&shell), 5.0);
         assert!(around_cameras.positions.iter().all(|v| away(*v) > 4.99));
     }
@@ -134,7 +151,11 @@ mod tests {
             assert!((place(direction(at)) - at).length() < 1e-4, "{at}");
         }
         let (_, uvs) = surface(Vec3::ZERO, 4, None, 1.0);
-        assert!(uvs.as_flattened().iter().all(|uv| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all()));
+        assert!(
+            uvs.as_flattened()
+                .iter()
+                .all(|uv| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all())
+        );
         let area: f32 = uvs.iter().map(|[a, b, c]| (b - a).perp_dot(c - a).abs() / 2.0).sum();
         // All but half of the faces at the poles.
         assert!((0.96..=1.0).contains(&area), "{area}");

@@ -26,7 +26,8 @@ pub(crate) fn cut(mesh: &Mesh, faces: usize, limit: usize) -> (Vec<u32>, Vec<Chu
     let parts = parallel::map(parts, |_, part: Vec<u32>| match part.len() <= limit {
         true => (vec![part.len() as u32], part),
         false => {
-            let mut items: Vec<Item> = parallel::collect(part.len(), GRAIN, |i| Item::new(mesh, part[i]));
+            let mut items: Vec<Item> =
+                parallel::collect(part.len(), GRAIN, |i| Item::new(mesh, part[i]));
             let counts = split(&mut items, limit);
             (counts, items.iter().map(|item| item.face).collect())
         }
@@ -135,7 +136,8 @@ struct Item {
 impl Item {
     fn new(mesh: &Mesh, face: u32) -> Self {
         let [a, b, c] = mesh.corners(face as usize);
-        let (min, max) = (a.min(b).min(c), a.max(b).max(c));
+        let min = a.min(b).min(c);
+        let max = a.max(b).max(c);
         let level = (max - min).max_element().to_bits() as f32;
         Self { min, face, max, level }
     }
@@ -238,7 +240,11 @@ impl BinBox {
     const EMPTY: Self = Self { min: Vec3A::INFINITY, max: Vec3A::NEG_INFINITY, count: 0 };
 
     fn union(self, other: Self) -> Self {
-        Self { min: self.min.min(other.min), max: self.max.max(other.max), count: self.count + other.count }
+        Self {
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+            count: self.count + other.count,
+        }
     }
 
     /// Area of the box times chunks in it.
@@ -270,7 +276,8 @@ fn best_cut(items: &[Item], weight: usize, limit: usize) -> Option<Cut> {
             // Every chunk costs an engine a draw, so slices come last. Boxes without area all cost nothing,
             // so ties go to the most even cut.
             let slice = left.count.min(right.count) < few;
-            let cost = (slice, left.cost(limit) + right.cost(limit), left.count.abs_diff(right.count));
+            let cost =
+                (slice, left.cost(limit) + right.cost(limit), left.count.abs_diff(right.count));
             if left.count > 0 && right.count > 0 && cost < best {
                 best = cost;
                 cut = Some(Cut::after(bin, axis, &grid));
@@ -281,7 +288,11 @@ fn best_cut(items: &[Item], weight: usize, limit: usize) -> Option<Cut> {
 }
 
 /// The bins of all axes, each item standing for `weight` of them.
-fn fill<'a>(items: impl Iterator<Item = &'a Item>, weight: usize, grid: &BinGrid) -> [[BinBox; BINS]; 4] {
+fn fill<'a>(
+    items: impl Iterator<Item = &'a Item>,
+    weight: usize,
+    grid: &BinGrid,
+) -> [[BinBox; BINS]; 4] {
     let mut bins = [[BinBox::EMPTY; BINS]; 4];
     for item in items {
         let one = BinBox { min: item.min.into(), max: item.max.into(), count: weight };
@@ -327,7 +338,8 @@ mod tests {
     #[test]
     fn a_tree_by_a_sample_cuts_a_large_scene_as_well_as_all_faces_do() {
         let faces = TREE_SAMPLE + 30_001;
-        let (mesh, limit) = (scene(faces), 4000);
+        let mesh = scene(faces);
+        let limit = 4000;
         let (order, chunks) = cut(&mesh, faces, limit);
         let mut every = order.clone();
         every.sort_unstable();
@@ -346,16 +358,25 @@ mod tests {
             Some(Chunk { first: *first - count, count: *count })
         });
         let exact: Vec<u32> = items.iter().map(|item| item.face).collect();
-        let (by_sample, by_all) =
-            (cost(&mesh, &order, &chunks), cost(&mesh, &exact, &starts.collect::<Vec<_>>()));
+        let by_sample = cost(&mesh, &order, &chunks);
+        let by_all = cost(&mesh, &exact, &starts.collect::<Vec<_>>());
         assert!(by_sample < 1.1 * by_all, "{by_sample} and {by_all}");
-        assert!(chunks.len() * 10 < counts.len() * 12, "{} and {} chunks", chunks.len(), counts.len());
+        assert!(
+            chunks.len() * 10 < counts.len() * 12,
+            "{} and {} chunks",
+            chunks.len(),
+            counts.len()
+        );
     }
 
     #[test]
     fn every_face_of_a_large_scene_may_be_a_chunk() {
         let faces = TREE_SAMPLE + 1;
         let (order, chunks) = cut(&scene(faces), faces, 1);
-        assert!(order.len() == faces && chunks.len() == faces && chunks.iter().all(|chunk| chunk.count == 1));
+        assert!(
+            order.len() == faces
+                && chunks.len() == faces
+                && chunks.iter().all(|chunk| chunk.count == 1)
+        );
     }
 }

@@ -67,10 +67,13 @@ pub(super) fn subject(
     let Standing { frame, pieces, support, object, outline } = find(scene, cameras, up)?;
     let mut volume = SubjectVolume { frame, outline, support, edge: 1.0 };
     // The object, and the support around it: what else is within floats.
-    let is_near =
-        |at: Vec3| at.z >= volume.low() && support.is_some_and(|support| at.z < support.high + LAYER);
-    let is_flat = |piece: &Piece| piece.longest() < LONGEST || piece.corners.into_iter().all(is_near);
-    let is_level = |piece: &&Piece| volume.is_level(piece) && is_near(piece.middle) && is_flat(piece);
+    let is_near = |at: Vec3| {
+        at.z >= volume.low() && support.is_some_and(|support| at.z < support.high + LAYER)
+    };
+    let is_flat =
+        |piece: &Piece| piece.longest() < LONGEST || piece.corners.into_iter().all(is_near);
+    let is_level =
+        |piece: &&Piece| volume.is_level(piece) && is_near(piece.middle) && is_flat(piece);
     let level = || pieces.iter().filter(is_level);
     let both = || object.iter().chain(level());
     let mut belongs = vec![false; scene.triangle_count()];
@@ -103,7 +106,8 @@ fn find(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> Option<Standin
     let looked_at = looked_at(cameras);
     let standing = |(ball, way)| Standing::new(scene, &areas, Frame::new(ball, way));
     // Only what hangs from something is on a wall.
-    let is_whole = |found: &Standing, way: usize| found.is_whole() && (found.support.is_some() || way == 0);
+    let is_whole =
+        |found: &Standing, way: usize| found.is_whole() && (found.support.is_some() || way == 0);
     let mut middle = None;
     for (size, ball) in looked_at.iter().enumerate() {
         for (number, way) in ways.iter().enumerate() {
@@ -126,10 +130,12 @@ fn looked_at(cameras: &[Camera]) -> Vec<Subject> {
     let Some(center) = camera::focus(cameras.iter()) else { return Vec::new() };
     let size = |side: fn(Vec2) -> f32| {
         let at = |camera: &Camera| (camera.rotation * center + camera.translation).z;
-        let sizes = cameras.iter().map(|camera| side(camera.size.as_vec2() / camera.focal) * at(camera));
+        let sizes =
+            cameras.iter().map(|camera| side(camera.size.as_vec2() / camera.focal) * at(camera));
         median(sizes.collect(), f32::total_cmp).unwrap_or(0.0)
     };
-    let (least, most) = (size(Vec2::min_element) / 4.0, size(Vec2::max_element) / 2.0);
+    let least = size(Vec2::min_element) / 4.0;
+    let most = size(Vec2::max_element) / 2.0;
     let ball = |radius| Subject { center, radius, is_alone: false };
     let radii = std::iter::successors(Some(least), |radius| Some(radius * GROWTH));
     radii.take_while(|radius| 0.0 < *radius && *radius <= most).map(ball).collect()
@@ -143,7 +149,9 @@ fn seen(mesh: &Mesh, cameras: &[Camera], ball: Subject) -> Vec<f32> {
     for camera in cameras.iter().step_by(cameras.len().div_ceil(MOST_PICTURES).max(1)) {
         let camera = camera.within(SIDE);
         let drawn = solid.visibility(mesh, &camera, &options);
-        for (face, depth) in drawn.face.iter().zip(&drawn.depth).filter(|(face, _)| **face != NO_FACE) {
+        for (face, depth) in
+            drawn.face.iter().zip(&drawn.depth).filter(|(face, _)| **face != NO_FACE)
+        {
             areas[*face as usize] += depth * depth / camera.focal.element_product();
         }
     }
@@ -155,11 +163,14 @@ fn seen(mesh: &Mesh, cameras: &[Camera], ball: Subject) -> Vec<f32> {
 
 /// The directions in which a subject may stand out: up from a table, then from a wall that faces the cameras.
 fn ways(mesh: &Mesh, cameras: &[Camera], known: Option<UpAxis>) -> Vec<DVec3> {
-    let (scene, evidence) = (Foreground::new(mesh, 0), Evidence { cameras, points: &[] });
-    let usable = || estimate(scene, evidence).filter(|estimate| estimate.confidence != Confidence::None);
+    let scene = Foreground::new(mesh, 0);
+    let evidence = Evidence { cameras, points: &[] };
+    let usable =
+        || estimate(scene, evidence).filter(|estimate| estimate.confidence != Confidence::None);
     let up = match known {
         Some(UpAxis::Y) => DVec3::Y,
-        _ => usable().map_or(known.unwrap_or_default().vector(), |estimate| estimate.direction.into()),
+        _ => usable()
+            .map_or(known.unwrap_or_default().vector(), |estimate| estimate.direction.into()),
     };
     let toward = -cameras.iter().map(|camera| camera.rotation.row(2).as_dvec3()).sum::<DVec3>();
     let wall = toward.try_normalize().and_then(|toward| facing(scene, evidence, toward));
@@ -196,7 +207,8 @@ impl Standing {
 
     /// All that is in the ball.
     fn cut(mut self) -> Self {
-        self.object = self.pieces.iter().filter(|piece| piece.middle.length() < 1.0).copied().collect();
+        self.object =
+            self.pieces.iter().filter(|piece| piece.middle.length() < 1.0).copied().collect();
         self.outline = Outline::disc(1.0);
         self.support = Some(Support { height: -1.0, low: -1.0 - LAYER, high: LAYER - 1.0 });
         self
@@ -216,7 +228,9 @@ fn support(pieces: &[Piece]) -> Option<Support> {
     let mut heights: Vec<(f32, f32)> = within.map(|piece| (piece.middle.z, piece.seen)).collect();
     heights.sort_by(|a, b| a.0.total_cmp(&b.0));
     let all: f32 = heights.iter().map(|one| one.1).sum();
-    let (mut end, mut area, mut moment) = (0, 0.0, 0.0);
+    let mut end = 0;
+    let mut area = 0.0;
+    let mut moment = 0.0;
     let mut layers = Vec::new();
     for (first, weight) in &heights {
         while end < heights.len() && heights[end].0 <= first + LAYER {
@@ -240,12 +254,17 @@ fn support(pieces: &[Piece]) -> Option<Support> {
         heights[at(low)..at(high)].iter().map(|one| one.1).sum::<f32>()
     };
     // Half a layer is on either side of its middle.
-    let is_thick = |at: f32| between(height + at - LAYER / 2.0, height + at + LAYER / 2.0) > FADES * area;
+    let is_thick =
+        |at: f32| between(height + at - LAYER / 2.0, height + at + LAYER / 2.0) > FADES * area;
     let end = |way: f32| {
         let layers = (1..MOST_LAYERS).map(|i| way * i as f32 * LAYER);
         layers.take_while(|at| is_thick(*at)).last().unwrap_or(0.0) + way * LAYER
     };
-    (area > LEAST_SUPPORT * all).then(|| Support { height, low: height + end(-1.0), high: height + end(1.0) })
+    (area > LEAST_SUPPORT * all).then(|| Support {
+        height,
+        low: height + end(-1.0),
+        high: height + end(1.0),
+    })
 }
 
 /// The connected part around the middle, and others that are large.
@@ -281,8 +300,16 @@ fn object(standing: &[Piece]) -> Option<Vec<Piece>> {
         areas[*part].0 += piece.seen;
         areas[*part].1 += if piece.middle.length() < CORE { piece.seen } else { 0.0 };
     }
-    let main = (0..areas.len()).max_by(|a, b| areas[*a].1.total_cmp(&areas[*b].1).then(b.cmp(a)))?;
+    let main =
+        (0..areas.len()).max_by(|a, b| areas[*a].1.total_cmp(&areas[*b].1).then(b.cmp(a)))?;
     let largest = areas[main].0;
     let belongs = |part: usize| part == main || areas[part].1 > CRUMB * largest;
-    Some(standing.iter().zip(&part).filter(|(_, part)| belongs(**part)).map(|(piece, _)| *piece).collect())
+    Some(
+        standing
+            .iter()
+            .zip(&part)
+            .filter(|(_, part)| belongs(**part))
+            .map(|(piece, _)| *piece)
+            .collect(),
+    )
 }

@@ -81,9 +81,13 @@ const CELLS_OF_SUPPORT: usize = 40;
 impl SubjectVolume {
     /// Its radius as a share of the median distance of `cameras` from its middle.
     pub(super) fn share(&self, cameras: &[Camera]) -> Option<f64> {
-        let (ball, outline) = (self.frame.ball, &self.outline);
+        let ball = self.frame.ball;
+        let outline = &self.outline;
         let center = ball.center + ball.radius * self.frame.out(outline.center.extend(0.0));
-        let away = median(cameras.iter().map(|c| c.position().distance(center)).collect(), f32::total_cmp)?;
+        let away = median(
+            cameras.iter().map(|c| c.position().distance(center)).collect(),
+            f32::total_cmp,
+        )?;
         Some(f64::from(ball.radius * outline.radius() / away))
     }
 
@@ -110,8 +114,10 @@ impl SubjectVolume {
         let edge = if self.is_level(&piece) { self.edge } else { 1.0 };
         // Without a support the thing ends where it stood: what reached into the support would hang below it.
         let kept = self.edge > 0.0;
-        let low = self.support.filter(|_| !kept).map_or_else(|| self.low(), |support| support.height);
-        if piece.corners.into_iter().all(|corner| corner.z >= low && self.outline.has(corner, edge)) {
+        let low =
+            self.support.filter(|_| !kept).map_or_else(|| self.low(), |support| support.height);
+        if piece.corners.into_iter().all(|corner| corner.z >= low && self.outline.has(corner, edge))
+        {
             return vec![corners];
         }
         let heights: [&dyn Fn(Vec3) -> f32; 2] = [&|at| at.z - low, &|at| self.outline.top - at.z];
@@ -141,7 +147,10 @@ impl SubjectVolume {
             sums = [0, 1].map(|i| sums[i] + ring[i]);
             sums[0] >= MOST_OF_IT * sums[1]
         });
-        let edge = is_there.iter().rposition(|is| *is).map_or(0.0, |ring| (ring + 1) as f32 / RINGS as f32);
+        let edge = is_there
+            .iter()
+            .rposition(|is| *is)
+            .map_or(0.0, |ring| (ring + 1) as f32 / RINGS as f32);
         if edge < LEAST_EDGE { 0.0 } else { edge }
     }
 
@@ -152,7 +161,8 @@ impl SubjectVolume {
         let mut there = vec![false; side * side];
         for piece in pieces {
             for at in spread(piece.corners.map(|corner| self.outline.place(corner))) {
-                let (x, y) = (cell(at.x), cell(at.y));
+                let x = cell(at.x);
+                let y = cell(at.y);
                 if (0..side as i32).contains(&x) && (0..side as i32).contains(&y) {
                     there[y as usize * side + x as usize] = true;
                 }
@@ -176,7 +186,8 @@ fn beyond(polygon: &[Vec3], inside: impl Fn(Vec3) -> f32) -> Vec<Vec3> {
     let mut kept = Vec::with_capacity(polygon.len() + 1);
     for (i, here) in polygon.iter().enumerate() {
         let next = polygon[(i + 1) % polygon.len()];
-        let (a, b) = (inside(*here), inside(next));
+        let a = inside(*here);
+        let b = inside(next);
         if a >= 0.0 {
             kept.push(*here);
         }
@@ -222,7 +233,8 @@ impl Frame {
     pub(super) fn piece(&self, number: usize, corners: [Vec3; 3], seen: f32) -> Option<Piece> {
         let corners = corners.map(|corner| self.within(corner));
         let [a, b, c] = corners;
-        let (middle, area) = (centroid(corners), (b - a).cross(c - a).length() / 2.0);
+        let middle = centroid(corners);
+        let area = (b - a).cross(c - a).length() / 2.0;
         let near = middle.truncate().length() < REACH && middle.z.abs() < REACH;
         near.then_some(Piece { number, corners, middle, area, seen })
     }
@@ -256,7 +268,8 @@ impl Outline {
         for (out, reach) in &mut outline.sides {
             *reach = reach.max(quantile(&|piece| (ground(piece) - center).dot(*out)));
         }
-        let (hand, top) = (HAND * outline.radius(), quantile(&|piece| piece.middle.z));
+        let hand = HAND * outline.radius();
+        let top = quantile(&|piece| piece.middle.z);
         outline.sides.iter_mut().for_each(|side| side.1 += hand);
         Some(Self { center, top: top + hand, ..outline })
     }
@@ -304,7 +317,8 @@ impl Outline {
 
     /// Whether a corner is below its top and within a share of it.
     fn has(&self, corner: Vec3, share: f32) -> bool {
-        corner.z <= self.top && self.sides.iter().all(|side| self.inside(corner, *side, share) >= 0.0)
+        corner.z <= self.top
+            && self.sides.iter().all(|side| self.inside(corner, *side, share) >= 0.0)
     }
 
     /// Whether a triangle is within it.

@@ -75,7 +75,12 @@ impl<'a> Comparison<'a> {
     /// The error that the scene `kept` gains without each of its faces. `[kept]`
     ///
     /// `visible_px`: the visible area of every face of the whole scene. `[F]`
-    pub(super) fn importance(&mut self, kept: &[u32], visible_px: &[f32], round: Round) -> Vec<f64> {
+    pub(super) fn importance(
+        &mut self,
+        kept: &[u32],
+        visible_px: &[f32],
+        round: Round,
+    ) -> Vec<f64> {
         let effects = self.effects_of_removing(kept, round);
         let sum = effects.iter().fold(Effect::default(), |sum, e| Effect {
             error_change: sum.error_change + e.error_change,
@@ -99,11 +104,15 @@ impl<'a> Comparison<'a> {
         let sums = EffectSums::new(kept.len());
         self.resize(kept.len());
         self.draw_round(round, &scene, (GROUPS, &planes), |tile, x, y, target| {
-            let [before, after] = Nearest::two_of([0, 1, 2, 3].map(|group| tile.nearest(group, x, y)));
+            let [before, after] =
+                Nearest::two_of([0, 1, 2, 3].map(|group| tile.nearest(group, x, y)));
             let face = before.face();
             if face != NO_FACE {
                 sums.add_sample(face);
-                sums.add_change(face, target.error_of(kept, after.face()) - target.error_of(kept, face));
+                sums.add_change(
+                    face,
+                    target.error_of(kept, after.face()) - target.error_of(kept, face),
+                );
             }
         });
         sums.into_effects()
@@ -112,7 +121,10 @@ impl<'a> Comparison<'a> {
     /// The flags of faces that are drawn from their front only; empty where all are drawn from both sides. `[kept]`
     fn single_sided(&self, kept: &[u32]) -> Vec<bool> {
         let is_mixed = !self.whole.single_sided.is_empty();
-        kept.iter().filter(|_| is_mixed).map(|&face| self.whole.is_single_sided(face as usize)).collect()
+        kept.iter()
+            .filter(|_| is_mixed)
+            .map(|&face| self.whole.is_single_sided(face as usize))
+            .collect()
     }
 
     /// The effect of moving the corners of a face of the scene `kept` from `corners` to `moved`, while a quarter of the others is moved as
@@ -129,7 +141,8 @@ impl<'a> Comparison<'a> {
         let single_sided = self.single_sided(kept).repeat(2);
         let scene = Mesh { positions, single_sided, ..Mesh::default() };
         let groups = kept.iter().map(|&f| group_of(GROUPING, f, round.number));
-        let planes: Vec<u8> = groups.clone().chain(groups.map(|group| group + GROUPS as u8)).collect();
+        let planes: Vec<u8> =
+            groups.clone().chain(groups.map(|group| group + GROUPS as u8)).collect();
         let sums = EffectSums::new(kept.len());
         self.resize(kept.len());
         self.draw_round(round, &scene, (2 * GROUPS, &planes), |tile, x, y, target| {
@@ -155,7 +168,8 @@ impl<'a> Comparison<'a> {
 
     /// Makes pictures as large as the comparison of `faces` needs.
     fn resize(&mut self, faces: usize) {
-        let pixels: f64 = self.cameras.iter().map(|camera| camera.size.as_dvec2().element_product()).sum();
+        let pixels: f64 =
+            self.cameras.iter().map(|camera| camera.size.as_dvec2().element_product()).sum();
         let per_face = pixels / self.cameras.len().max(1) as f64 / faces.max(1) as f64;
         // In steps, because pictures of the whole scene must be drawn again for each size.
         let halvings = (per_face / PX_PER_FACE).log2().round().max(0.0) as u32;
@@ -169,7 +183,8 @@ impl<'a> Comparison<'a> {
     /// A camera for pictures of the present size.
     fn camera(&self, view: usize) -> Camera {
         let camera = self.cameras[view];
-        let side = f64::from(camera.size.max_element()) * 0.5f64.powf(f64::from(self.halvings) / 2.0);
+        let side =
+            f64::from(camera.size.max_element()) * 0.5f64.powf(f64::from(self.halvings) / 2.0);
         camera.within((side.round() as u32).max(SHORTEST_SIDE))
     }
 
@@ -184,7 +199,8 @@ impl<'a> Comparison<'a> {
     ) {
         let stride = self.cameras.len().div_ceil(round.views).max(1);
         for view in (round.number as usize % stride..self.cameras.len()).step_by(stride) {
-            let (targets, camera) = (self.take_targets(view), self.camera(view));
+            let targets = self.take_targets(view);
+            let camera = self.camera(view);
             let colors = &self.colors;
             self.solid.planes(scene, &camera, &self.drawing, planes, |tile| {
                 for y in 0..tile.size.y {
@@ -231,7 +247,8 @@ impl Target<'_> {
         if face == NO_FACE || self.face == NO_FACE {
             return if face == self.face { 0.0 } else { HOLE_ERROR };
         }
-        let (a, b) = (self.colors[kept[face as usize] as usize], self.colors[self.face as usize]);
+        let a = self.colors[kept[face as usize] as usize];
+        let b = self.colors[self.face as usize];
         (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum()
     }
 }

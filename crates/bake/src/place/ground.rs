@@ -21,7 +21,8 @@ const MOST_ABOVE: f64 = 0.05;
 pub(crate) fn ground(scene: Foreground, cameras: &[Camera], up: DVec3) -> Option<f64> {
     let region = region(scene, cameras)?;
     let faces = faces(scene, &region);
-    let mut heights: Vec<(f64, f64)> = faces.iter().map(|f| (f.position.dot(up), f.weight)).collect();
+    let mut heights: Vec<(f64, f64)> =
+        faces.iter().map(|f| (f.position.dot(up), f.weight)).collect();
     heights.sort_by(|a, b| a.0.total_cmp(&b.0));
     let layers = layers(&heights, LAYER * region.radius);
     let largest = layers.iter().map(|layer| layer.area).fold(0.0, f64::max);
@@ -37,7 +38,8 @@ pub(crate) fn ground(scene: Foreground, cameras: &[Camera], up: DVec3) -> Option
 pub(crate) fn under(scene: Foreground, ground: Option<f64>, up: DVec3) -> Option<f64> {
     let mut heights = lowest_corners(scene, up);
     heights.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (first, last) = (heights.first()?.0, heights.last()?.0);
+    let first = heights.first()?.0;
+    let last = heights.last()?.0;
     let mut left = MOST_BELOW * heights.iter().map(|one| one.1).sum::<f64>();
     let lowest = heights.iter().find_map(|(height, area)| {
         left -= area;
@@ -56,7 +58,9 @@ struct Layer {
 
 /// The layer of `thickness` that begins at each of the heights, which are sorted. `[heights]`
 fn layers(heights: &[(f64, f64)], thickness: f64) -> Vec<Layer> {
-    let (mut end, mut area, mut moment) = (0, 0.0, 0.0);
+    let mut end = 0;
+    let mut area = 0.0;
+    let mut moment = 0.0;
     let mut layers = Vec::with_capacity(heights.len());
     for (first, weight) in heights {
         while end < heights.len() && heights[end].0 <= first + thickness {
@@ -133,7 +137,8 @@ pub(crate) fn region(scene: Foreground, cameras: &[Camera]) -> Option<Region> {
     let center = camera::focus(cameras.iter()).or_else(|| central(&vertices))?.as_dvec3();
     let radius = match cameras.is_empty() {
         true => {
-            let mut away: Vec<f64> = vertices.iter().map(|v| v.as_dvec3().distance(center)).collect();
+            let mut away: Vec<f64> =
+                vertices.iter().map(|v| v.as_dvec3().distance(center)).collect();
             away.sort_by(f64::total_cmp);
             away.get((MOST_OF_IT * away.len() as f64) as usize).map(|most| most / REACH)
         }
@@ -158,7 +163,8 @@ pub(crate) fn faces(scene: Foreground, region: &Region) -> Vec<Sample> {
     let most = (MOST_SIDE * region.radius).powi(2);
     let sample = |face: usize| {
         let [a, b, c] = scene.mesh.corners(face).map(|v| v.as_dvec3());
-        let (position, area) = ((a + b + c) / 3.0, (b - a).cross(c - a).length() / 2.0);
+        let position = (a + b + c) / 3.0;
+        let area = (b - a).cross(c - a).length() / 2.0;
         let near = position.distance(region.center) < REACH * region.radius;
         (near && area > 0.0).then(|| Sample { position, weight: area.min(most) })
     };
@@ -192,7 +198,8 @@ mod tests {
         let rng = Rng::new(height.to_bits().into(), "level", 0);
         for i in 0..count {
             let at = |k: u64| rng.uniform(4 * i + k);
-            let corner = Vec3::new(side * (at(0) - 0.5), height + 0.002 * at(2), side * (at(1) - 0.5));
+            let corner =
+                Vec3::new(side * (at(0) - 0.5), height + 0.002 * at(2), side * (at(1) - 0.5));
             mesh.positions.extend([corner, corner + Vec3::X * 0.05, corner + Vec3::Z * 0.05]);
         }
         mesh.colors = Colors::Face(vec![[0.5; 3]; mesh.face_count()]);
@@ -218,8 +225,12 @@ mod tests {
         let upright = |i: u64| [at(i), at(i) + Vec3::Y * 0.02, at(i) + Vec3::new(0.002, 0.01, 0.0)];
         let positions: Vec<Vec3> = (0..5000).flat_map(upright).collect();
         let colors = Colors::Face(vec![[0.5; 3]; 5000]);
-        let found = ground(Foreground::new(&Mesh { positions, colors, ..Mesh::default() }, 0), &[], DVec3::Y)
-            .expect("an end");
+        let found = ground(
+            Foreground::new(&Mesh { positions, colors, ..Mesh::default() }, 0),
+            &[],
+            DVec3::Y,
+        )
+        .expect("an end");
         assert!((-1.0..-0.93).contains(&found), "{found}");
         assert_eq!(ground(Foreground::new(&Mesh::default(), 0), &[], DVec3::Y), None);
     }

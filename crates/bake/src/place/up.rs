@@ -94,7 +94,8 @@ pub struct Evidence<'a> {
 /// replaces it.
 pub(crate) fn estimate(scene: Foreground, known: Evidence) -> Option<UpEstimate> {
     let held = from_cameras(known.cameras)?;
-    let cone = if held.open { WIDEST_CONE } else { (4.0 * held.tilt).clamp(NARROWEST_CONE, WIDEST_CONE) };
+    let cone =
+        if held.open { WIDEST_CONE } else { (4.0 * held.tilt).clamp(NARROWEST_CONE, WIDEST_CONE) };
     let surface = match held.tilt < RANDOM_TILT {
         true => surface(scene, known, held.up, cone),
         false => None,
@@ -106,8 +107,10 @@ pub(crate) fn estimate(scene: Foreground, known: Evidence) -> Option<UpEstimate>
         None => Confidence::Low,
     };
     let up = surface.as_ref().map_or(held.up, |s| s.normal);
-    let surface = surface
-        .map(|s| LevelSurface { share: s.share, degrees: s.normal.angle_between(held.up).to_degrees() });
+    let surface = surface.map(|s| LevelSurface {
+        share: s.share,
+        degrees: s.normal.angle_between(held.up).to_degrees(),
+    });
     let cameras = known.cameras.len() as u64;
     Some(UpEstimate { direction: up.to_array(), cameras, tilt: held.tilt, surface, confidence })
 }
@@ -124,7 +127,8 @@ struct CameraUp {
 /// From the rows of the photos, or from their columns where these are level: photos of a phone that are stored on their side.
 fn from_cameras(cameras: &[Camera]) -> Option<CameraUp> {
     let held = from_level(cameras, 0)?;
-    let on_side = from_level(cameras, 1).filter(|side| held.open && !side.open && side.tilt < held.tilt);
+    let on_side =
+        from_level(cameras, 1).filter(|side| held.open && !side.open && side.tilt < held.tilt);
     Some(on_side.unwrap_or(held))
 }
 
@@ -180,7 +184,8 @@ fn first_guess(rights: &[DVec3], mean_up: DVec3) -> (DVec3, [(f64, DVec3); 3]) {
 
 /// The weighted mean of v vᵀ.
 fn scatter(vectors: impl Iterator<Item = (DVec3, f64)>) -> DMat3 {
-    let (mut sum, mut weights) = (DMat3::ZERO, 0.0);
+    let mut sum = DMat3::ZERO;
+    let mut weights = 0.0;
     for (v, weight) in vectors {
         sum += DMat3::from_cols(v * v.x, v * v.y, v * v.z) * weight;
         weights += weight;
@@ -210,7 +215,9 @@ fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<S
     };
     let least = libm::cos(cone.to_radians());
     let thickness = THICKNESS * region.radius;
-    let near = |s: &Sample, point: DVec3, normal: DVec3| (s.position - point).dot(normal).abs() < thickness;
+    let near = |s: &Sample, point: DVec3, normal: DVec3| {
+        (s.position - point).dot(normal).abs() < thickness
+    };
     let few: Vec<Sample> =
         samples.iter().step_by(samples.len().div_ceil(MOST_COMPARED).max(1)).copied().collect();
     let supported = |(point, normal): (DVec3, DVec3)| {
@@ -219,7 +226,8 @@ fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<S
     let planes = planes(&few).filter(|(_, normal)| normal.dot(up).abs() > least);
     let best = planes.map(|plane| (supported(plane), plane)).max_by(|a, b| a.0.total_cmp(&b.0))?;
     let (mut point, mut normal) = best.1;
-    let (mut width, mut support) = (0.0, 0.0);
+    let mut width = 0.0;
+    let mut support = 0.0;
     for _ in 0..PASSES {
         let on: Vec<&Sample> = samples.iter().filter(|s| near(s, point, normal)).collect();
         support = on.iter().map(|s| s.weight).sum::<f64>();
@@ -227,12 +235,15 @@ fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<S
             return None;
         }
         point = on.iter().map(|s| s.position * s.weight).sum::<DVec3>() / support;
-        let [thin, narrow, _] = symmetric_eigen(scatter(on.iter().map(|s| (s.position - point, s.weight))));
-        (normal, width) = (thin.1, narrow.0.max(0.0).sqrt());
+        let [thin, narrow, _] =
+            symmetric_eigen(scatter(on.iter().map(|s| (s.position - point, s.weight))));
+        normal = thin.1;
+        width = narrow.0.max(0.0).sqrt();
     }
     let normal = if normal.dot(up) < 0.0 { -normal } else { normal };
     let share = support / samples.iter().map(|s| s.weight).sum::<f64>();
-    let clear = share >= clear_share && width >= CLEAR_WIDTH * region.radius && normal.dot(up) > least;
+    let clear =
+        share >= clear_share && width >= CLEAR_WIDTH * region.radius && normal.dot(up) > least;
     clear.then_some(Surface { normal, share })
 }
 
@@ -300,7 +311,13 @@ mod tests {
             };
             [0, 1, 2].map(|corner| {
                 let [a, b, c] = [0, 1, 2].map(|k| at(3 + 3 * corner + k));
-                middle + 0.05 * if i % 2 == 0 { x * a + y * b + normal * 0.3 * c } else { Vec3::new(a, b, c) }
+                middle
+                    + 0.05
+                        * if i % 2 == 0 {
+                            x * a + y * b + normal * 0.3 * c
+                        } else {
+                            Vec3::new(a, b, c)
+                        }
             })
         });
         let positions: Vec<Vec3> = positions.collect();
@@ -319,9 +336,13 @@ mod tests {
     fn level_cameras_give_the_axis_that_their_rows_are_at_right_angles_to() {
         for up in [Vec3::NEG_Y, Vec3::Z, Vec3::new(0.3, -0.8, 0.5).normalize()] {
             let wobble = |i: usize| 0.05 * ((i * 7 % 11) as f32 - 5.0) / 5.0;
-            let found = estimate_of(&Mesh::default(), &ring(40, up, wobble)).expect("there are cameras");
+            let found =
+                estimate_of(&Mesh::default(), &ring(40, up, wobble)).expect("there are cameras");
             assert!(degrees(&found, up) < 1.5, "{up}: {found:?}");
-            assert!((0.5..3.0).contains(&found.tilt) && found.confidence == Confidence::High, "{found:?}");
+            assert!(
+                (0.5..3.0).contains(&found.tilt) && found.confidence == Confidence::High,
+                "{found:?}"
+            );
         }
         assert_eq!(estimate_of(&Mesh::default(), &[]), None);
     }
@@ -330,13 +351,18 @@ mod tests {
     fn pictures_taken_with_the_camera_on_its_side_do_not_count() {
         let up = Vec3::new(0.1, -0.9, 0.2).normalize();
         let quarter = |i: usize| if i.is_multiple_of(3) { 1.57 } else { 0.01 * (i % 5) as f32 };
-        let found = estimate_of(&Mesh::default(), &ring(30, up, quarter)).expect("there are cameras");
+        let found =
+            estimate_of(&Mesh::default(), &ring(30, up, quarter)).expect("there are cameras");
         assert!(degrees(&found, up) < 1.5 && found.confidence == Confidence::High, "{found:?}");
         // All of them on the same side, either way.
         for side in [1.57, -1.57] {
-            let found = estimate_of(&Mesh::default(), &ring(30, up, |i| side + 0.01 * (i % 5) as f32));
+            let found =
+                estimate_of(&Mesh::default(), &ring(30, up, |i| side + 0.01 * (i % 5) as f32));
             let found = found.expect("there are cameras");
-            assert!(degrees(&found, up) < 1.5 && found.confidence == Confidence::High, "{side}: {found:?}");
+            assert!(
+                degrees(&found, up) < 1.5 && found.confidence == Confidence::High,
+                "{side}: {found:?}"
+            );
         }
     }
 
@@ -364,7 +390,8 @@ mod tests {
         let alike = estimate_of(&Mesh::default(), &alike).expect("cameras");
         assert_eq!(alike.confidence, Confidence::Low);
         assert!(degrees(&alike, up) < 1e-6, "the columns decide: {alike:?}");
-        let random = estimate_of(&Mesh::default(), &ring(60, up, |i| i as f32 * 1.7)).expect("cameras");
+        let random =
+            estimate_of(&Mesh::default(), &ring(60, up, |i| i as f32 * 1.7)).expect("cameras");
         assert_eq!(random.confidence, Confidence::None, "{random:?}");
     }
 
@@ -379,7 +406,10 @@ mod tests {
         };
         let cameras: Vec<Camera> = (0..16).map(down).collect();
         let found = estimate_of(&table(Vec3::Z, 6000), &cameras).expect("cameras");
-        assert!(degrees(&found, Vec3::Z) < 1.0 && found.confidence == Confidence::High, "{found:?}");
+        assert!(
+            degrees(&found, Vec3::Z) < 1.0 && found.confidence == Confidence::High,
+            "{found:?}"
+        );
     }
 
     #[test]
@@ -406,8 +436,10 @@ mod tests {
                 Camera { rotation, translation: -(rotation * eye), ..*c }
             })
             .collect();
-        let (here, there) = (estimate_of(&Mesh::default(), &cameras), estimate_of(&Mesh::default(), &moved));
-        let (here, there) = (here.expect("cameras"), there.expect("cameras"));
+        let here = estimate_of(&Mesh::default(), &cameras);
+        let there = estimate_of(&Mesh::default(), &moved);
+        let here = here.expect("cameras");
+        let there = there.expect("cameras");
         let turned = turn.as_dmat3() * DVec3::from(here.direction);
         let off = turned.angle_between(DVec3::from(there.direction)).to_degrees();
         assert!(off < 0.01, "{off}°: {here:?} {there:?}");
@@ -418,7 +450,8 @@ mod tests {
     fn colmap_and_transforms_of_a_folder_agree_and_stand_upright() {
         use std::io::Write as _;
         use trisplat_dataset::{Dataset, DatasetOptions};
-        let data = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data"));
+        let data =
+            std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data"));
         // Up as picked by hand in the photos: the edge of a picture frame on the wall, walls of a house, a carpet, a
         // table.
         let picked = [
@@ -440,7 +473,8 @@ mod tests {
                 let points = if with_points { points } else { Vec::new() };
                 let known = Evidence { cameras: &cameras, points: &points };
                 let found = estimate(Foreground::new(&Mesh::default(), 0), known).expect("cameras");
-                let mut named: Vec<_> = dataset.views.iter().map(|v| (v.name.clone(), v.camera)).collect();
+                let mut named: Vec<_> =
+                    dataset.views.iter().map(|v| (v.name.clone(), v.camera)).collect();
                 named.sort_by(|a, b| a.0.cmp(&b.0));
                 (found, named)
             };

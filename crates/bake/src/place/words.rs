@@ -43,9 +43,9 @@ impl fmt::Display for UpChoice {
         match self {
             Self::Auto => f.write_str("auto"),
             Self::Given(UpDirection::Vector([x, y, z])) => write!(f, "{x},{y},{z}"),
-            Self::Given(UpDirection::Axis(axis)) => {
-                f.write_str(serde_json::to_value(axis).unwrap_or_default().as_str().unwrap_or_default())
-            }
+            Self::Given(UpDirection::Axis(axis)) => f.write_str(
+                serde_json::to_value(axis).unwrap_or_default().as_str().unwrap_or_default(),
+            ),
         }
     }
 }

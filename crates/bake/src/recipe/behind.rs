@@ -51,10 +51,18 @@ impl Recipe<'_> {
     /// `mesh` with a shell of fewer triangles where a limit asks for that; `given` are those of another backdrop.
     ///
     /// Errors: more vertices than 32 bits count.
-    pub(super) fn few_shell(&self, mut mesh: Mesh, given: usize, watching: &[Camera]) -> Result<Mesh> {
+    pub(super) fn few_shell(
+        &self,
+        mut mesh: Mesh,
+        given: usize,
+        watching: &[Camera],
+    ) -> Result<Mesh> {
         let count = mesh.shell.iter().filter(|shell| **shell).count();
-        let most = self.most_behind(mesh.face_count() + given).map(|most| most.saturating_sub(given as u64));
-        let Some(most) = most.filter(|most| count as u64 > *most && count < mesh.face_count()) else {
+        let most = self
+            .most_behind(mesh.face_count() + given)
+            .map(|most| most.saturating_sub(given as u64));
+        let Some(most) = most.filter(|most| count as u64 > *most && count < mesh.face_count())
+        else {
             return Ok(mesh);
         };
         let shell = take_shell(&mut mesh, watching);
@@ -83,7 +91,13 @@ impl Recipe<'_> {
     }
 
     /// One closed surface in place of a shell that is made of shards. The shells of several inputs stay.
-    pub(super) fn whole_shell(&self, shell: Mesh, scene: &Mesh, given: usize, watching: &[Camera]) -> Mesh {
+    pub(super) fn whole_shell(
+        &self,
+        shell: Mesh,
+        scene: &Mesh,
+        given: usize,
+        watching: &[Camera],
+    ) -> Mesh {
         // A panorama makes a surface of its own.
         if self.options.backdrop.backdrop == BackdropWhen::Sky || !is_scattered(&shell) {
             return shell;
@@ -96,7 +110,12 @@ impl Recipe<'_> {
     }
 
     /// Colours that run softly, unless colours are to stay: in a shell that is cut, or as they are where pictures will be fitted.
-    pub(super) fn soft_shell(&self, mut shell: Mesh, scene_faces: usize, has_pictures: bool) -> Mesh {
+    pub(super) fn soft_shell(
+        &self,
+        mut shell: Mesh,
+        scene_faces: usize,
+        has_pictures: bool,
+    ) -> Mesh {
         // A panorama has the shape of the shell only.
         let cuts = self.options.backdrop.backdrop != BackdropWhen::Sky
             && is_cut(&shell, scene_faces, self.options.prune.max_triangles);
@@ -144,9 +163,12 @@ impl Recipe<'_> {
         behind: Option<Mesh>,
         views: Option<&mut Views>,
     ) -> Result<Mesh> {
-        let (options, cropped) = (&self.options.backdrop, self.is_cropped());
+        let options = &self.options.backdrop;
+        let cropped = self.is_cropped();
         self.report.stage(self.observer, mesh, Mesh::counts, |mesh, details| match behind {
-            _ if cropped => Ok(Outcome::Skipped("the scene is cropped: its surroundings were removed")),
+            _ if cropped => {
+                Ok(Outcome::Skipped("the scene is cropped: its surroundings were removed"))
+            }
             Some(behind) => keep_backdrop(mesh, behind, options, details),
             None => backdrop(mesh, views, options, self.options.prune.max_triangles, details),
         })

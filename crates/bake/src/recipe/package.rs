@@ -35,15 +35,16 @@ impl Recipe<'_> {
         })?;
 
         // Before placing, while equal corners are still bitwise equal.
-        let mesh = self
-            .report
-            .stage(self.observer, mesh, Mesh::counts, |mesh, details| weld(mesh, &options.weld, details))?;
+        let mesh = self.report.stage(self.observer, mesh, Mesh::counts, |mesh, details| {
+            weld(mesh, &options.weld, details)
+        })?;
 
         // Before stages with boxes, which must use the coordinates of the file.
         let mut how = of_scene.map(|frame| frame.placement);
         let subject = options.crop.is_subject();
         let mesh = self.report.stage(self.observer, mesh, Mesh::counts, |mesh, details| {
-            let estimated = || placement_of(subject, mesh, &provenance, evidence, &options.place, details);
+            let estimated =
+                || placement_of(subject, mesh, &provenance, evidence, &options.place, details);
             let how = *how.get_or_insert_with(estimated);
             place(mesh, &mut provenance, how, details)
         })?;
@@ -64,10 +65,15 @@ impl Recipe<'_> {
         })?;
         let ordered = self.report.details::<ChunkDetails>().is_some_and(|details| details.ordered);
         let asset =
-            self.report.stage(self.observer, asset, Asset::counts, |asset, details| match ordered {
-                true => Ok(Outcome::Skipped("`chunk` has put near faces near")),
-                false => order(asset, &options.order, details),
-            })?;
+            self.report.stage(
+                self.observer,
+                asset,
+                Asset::counts,
+                |asset, details| match ordered {
+                    true => Ok(Outcome::Skipped("`chunk` has put near faces near")),
+                    false => order(asset, &options.order, details),
+                },
+            )?;
         debug_assert!(asset.mesh.validate().is_ok(), "{:?}", asset.mesh.validate());
         Ok((asset, Frame { placement, viewpoint }))
     }
@@ -127,7 +133,8 @@ impl Recipe<'_> {
             let mut own = of_levels.clone();
             // As many texels for a triangle as the scene has: seen from farther away, they are as large in a picture.
             let share = level.face_count() as f64 / faces as f64;
-            own.texture.texels_per_pixel = (own.texture.texels_per_pixel * share.sqrt()).max(LEAST_DENSITY);
+            own.texture.texels_per_pixel =
+                (own.texture.texels_per_pixel * share.sqrt()).max(LEAST_DENSITY);
             let mut observer = progress.inner();
             let of_level = Recipe::new(&own, &mut unread, &mut observer);
             let excerpt = source.mesh.texture.as_ref().map(|_| halvings(share));
@@ -135,7 +142,10 @@ impl Recipe<'_> {
         };
         let measure = |levels: &Vec<Asset>| {
             let all = |of: fn(Counts) -> u64| levels.iter().map(|level| of(level.counts())).sum();
-            Counts { triangles: all(|counts| counts.triangles), vertices: all(|counts| counts.vertices) }
+            Counts {
+                triangles: all(|counts| counts.triangles),
+                vertices: all(|counts| counts.vertices),
+            }
         };
         self.report.long_stage(self.observer, Vec::new(), measure, |levels, details, progress| {
             lod(levels, source, options, finish, details, progress)
@@ -172,7 +182,8 @@ impl Recipe<'_> {
             }
         }
         let frame = Some(shared.frame);
-        let (asset, _) = self.package(level, provenance, Evidence::default(), shared.seen, frame)?;
+        let (asset, _) =
+            self.package(level, provenance, Evidence::default(), shared.seen, frame)?;
         Ok(FinishedLevel { asset, psnr })
     }
 }

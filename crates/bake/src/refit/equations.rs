@@ -33,7 +33,13 @@ pub(super) struct Equations {
 impl Equations {
     /// Adds a sample with the weight `share` of a pixel; `beyond` is the part of its residual that is left out.
     #[inline(always)]
-    pub(super) fn add(&mut self, weights: &[f32; 3], residual: &[f32; 3], beyond: &[f32; 3], share: f32) {
+    pub(super) fn add(
+        &mut self,
+        weights: &[f32; 3],
+        residual: &[f32; 3],
+        beyond: &[f32; 3],
+        share: f32,
+    ) {
         let [a, b, c] = *weights;
         let products = [a * a, a * b, a * c, b * b, b * c, c * c];
         for (sum, product) in self.matrix.iter_mut().zip(products) {
@@ -78,7 +84,8 @@ impl Equations {
     fn colors(&self, which: RefitColors, corners: &[[f32; 3]; 3], flatness: f32) -> [[f32; 3]; 3] {
         let mut better = [[0.0; 3]; 3];
         for channel in 0..3 {
-            let improved = self.improved(which, corners.map(|corner| corner[channel]), channel, flatness);
+            let improved =
+                self.improved(which, corners.map(|corner| corner[channel]), channel, flatness);
             for (corner, value) in better.iter_mut().zip(improved) {
                 corner[channel] = value.clamp(0.0, 1.0);
             }
@@ -87,8 +94,15 @@ impl Equations {
     }
 
     /// Better colours of the corners in one channel.
-    fn improved(&self, which: RefitColors, corners: [f32; 3], channel: usize, flatness: f32) -> [f32; 3] {
-        let (area, mean) = (self.area(), (corners[0] + corners[1] + corners[2]) / 3.0);
+    fn improved(
+        &self,
+        which: RefitColors,
+        corners: [f32; 3],
+        channel: usize,
+        flatness: f32,
+    ) -> [f32; 3] {
+        let area = self.area();
+        let mean = (corners[0] + corners[1] + corners[2]) / 3.0;
         let sum = self.right[0][channel] + self.right[1][channel] + self.right[2][channel];
         if corners == [0.0; 3] && sum > WRONG * MOST_RESIDUAL * area.max(LEAST_PX) {
             return [(sum + self.beyond[channel]) / (area.max(0.0) + DAMPING_PX); 3];
@@ -108,11 +122,20 @@ impl Equations {
     /// together, and the damping τ > 0 pulls them to their present values. Positive definite.
     fn solve(&self, flatness: f32, damping: f32, right: [f32; 3]) -> [f32; 3] {
         let [a, b, c, d, e, f] = self.matrix.map(f64::from);
-        let (own, other) = (f64::from(flatness * 2.0 / 3.0 + damping), f64::from(flatness / 3.0));
-        let (a, d, f) = (a + own, d + own, f + own);
-        let (b, c, e) = (b - other, c - other, e - other);
-        let (m00, m01, m02) = (d * f - e * e, c * e - b * f, b * e - c * d);
-        let (m11, m12, m22) = (a * f - c * c, b * c - a * e, a * d - b * b);
+        let own = f64::from(flatness * 2.0 / 3.0 + damping);
+        let other = f64::from(flatness / 3.0);
+        let a = a + own;
+        let d = d + own;
+        let f = f + own;
+        let b = b - other;
+        let c = c - other;
+        let e = e - other;
+        let m00 = d * f - e * e;
+        let m01 = c * e - b * f;
+        let m02 = b * e - c * d;
+        let m11 = a * f - c * c;
+        let m12 = b * c - a * e;
+        let m22 = a * d - b * b;
         let per = 1.0 / (a * m00 + b * m01 + c * m02);
         let r = right.map(f64::from);
         [
@@ -175,13 +198,16 @@ impl Fit {
     pub(super) fn improve(&mut self, which: RefitColors) {
         let flatness = self.flatness;
         let parts = self.encoded.chunks_mut(TASK_FACES).zip(self.linear.chunks_mut(TASK_FACES));
-        parallel::for_each(parts.zip(self.sums.chunks_mut(TASK_FACES)), |_, ((encoded, linear), sums)| {
-            for ((encoded, linear), sums) in encoded.iter_mut().zip(linear).zip(sums) {
-                *encoded = sums.colors(which, encoded, flatness);
-                *linear = encoded.map(|corner| corner.map(linear_from_srgb));
-                *sums = Equations::default();
-            }
-        });
+        parallel::for_each(
+            parts.zip(self.sums.chunks_mut(TASK_FACES)),
+            |_, ((encoded, linear), sums)| {
+                for ((encoded, linear), sums) in encoded.iter_mut().zip(linear).zip(sums) {
+                    *encoded = sums.colors(which, encoded, flatness);
+                    *linear = encoded.map(|corner| corner.map(linear_from_srgb));
+                    *sums = Equations::default();
+                }
+            },
+        );
     }
 
     /// The equations of the faces from `first` on. `[face]`
@@ -205,8 +231,9 @@ impl Fit {
             }
             let corners = &self.encoded[face];
             let fitted = sums.colors(RefitColors::Flat, corners, self.flatness)[0];
-            let is_back =
-                |c: usize| fitted[c] > MOST_RESIDUAL && corners.iter().all(|corner| corner[c] == 0.0);
+            let is_back = |c: usize| {
+                fitted[c] > MOST_RESIDUAL && corners.iter().all(|corner| corner[c] == 0.0)
+            };
             let back = [0, 1, 2].map(is_back);
             let colors = match &mut mesh.colors {
                 Colors::Face(colors) => &mut colors[face..=face],

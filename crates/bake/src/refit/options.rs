@@ -4,7 +4,9 @@ use trisplat_scene::Result;
 use trisplat_scene::ranges::{self, Called};
 
 /// Which colours are fitted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum RefitColors {
     /// Whichever is best on held-out photos: one colour per triangle, three, or the scene's own
@@ -33,7 +35,8 @@ pub struct RefitOptions {
 
 impl RefitOptions {
     /// Chooses the best colours; one pass.
-    pub const DEFAULT: Self = Self { refit: RefitColors::Auto, refit_flatness: 4.0, refit_passes: 1 };
+    pub const DEFAULT: Self =
+        Self { refit: RefitColors::Auto, refit_flatness: 4.0, refit_passes: 1 };
 
     pub(super) fn validate(&self) -> Result<()> {
         ranges::check(self, Called::ByFlag)

@@ -52,26 +52,34 @@ impl Gatherer {
     /// For meshes of `faces`.
     pub(super) fn new(faces: usize) -> Self {
         let slots = vec![NO_SLOT; faces];
-        let band = Band { slots, sums: Vec::new(), corners: Vec::new(), error: [0.0; 3], pixels: 0.0 };
+        let band =
+            Band { slots, sums: Vec::new(), corners: Vec::new(), error: [0.0; 3], pixels: 0.0 };
         Self { bands: vec![band; BANDS] }
     }
 
     /// Adds a photo to the sums of `fit` with this sign: -1 takes it back. Returns its mean error, sRGB-encoded.
-    pub(super) fn gather(&mut self, observation: &Observation<'_>, fit: &mut Fit, sign: f32) -> [f32; 3] {
+    pub(super) fn gather(
+        &mut self,
+        observation: &Observation<'_>,
+        fit: &mut Fit,
+        sign: f32,
+    ) -> [f32; 3] {
         let rows = observation.photo.size.y;
         let row = |band: usize| (u64::from(rows) * band as u64 / BANDS as u64) as u32;
         let seen: &Fit = fit;
         parallel::for_each(&mut self.bands, |i, band| {
             band.sums.clear();
             band.corners.clear();
-            (band.error, band.pixels) = ([0.0; 3], 0.0);
+            band.error = [0.0; 3];
+            band.pixels = 0.0;
             let mut pass = Pass::new(observation, seen, band);
             (row(i)..row(i + 1)).for_each(|y| pass.row(y));
             for (face, _) in &band.sums {
                 band.slots[*face as usize] = NO_SLOT;
             }
         });
-        let (mut error, mut pixels) = ([0.0; 3], 0.0);
+        let mut error = [0.0; 3];
+        let mut pixels = 0.0;
         for band in &self.bands {
             fit.add(&band.sums, sign);
             (0..3).for_each(|c| error[c] += band.error[c]);
@@ -124,7 +132,8 @@ impl<'a> Pass<'a> {
 
     fn pixel(&mut self, x: u32, y: u32, photo: [u8; 3], weight: f32) {
         let n = self.samples;
-        let faces = |i: u32| self.observation.visibility.face[self.sample(x * n + i % n, y * n + i / n)];
+        let faces =
+            |i: u32| self.observation.visibility.face[self.sample(x * n + i % n, y * n + i / n)];
         let first = faces(0);
         if (1..n * n).all(|i| faces(i) == first) {
             if first != NO_FACE {
@@ -137,7 +146,8 @@ impl<'a> Pass<'a> {
         }
         let mut seen: [PixelSample; MOST_SAMPLES] = [(NO_SLOT, [0.0; 3]); MOST_SAMPLES];
         for i in 0..n * n {
-            let (sx, sy) = (x * n + i % n, y * n + i / n);
+            let sx = x * n + i % n;
+            let sy = y * n + i / n;
             let face = self.observation.visibility.face[self.sample(sx, sy)];
             if face != NO_FACE {
                 let slot = self.slot(face);
@@ -171,7 +181,9 @@ impl<'a> Pass<'a> {
         }
         self.band.pixels += f64::from(weight);
         let share = weight / seen.len() as f32;
-        for (color, (slot, weights)) in colors.iter().zip(seen).filter(|(_, (slot, _))| *slot != NO_SLOT) {
+        for (color, (slot, weights)) in
+            colors.iter().zip(seen).filter(|(_, (slot, _))| *slot != NO_SLOT)
+        {
             let own = if seen.len() > 1 { residual(photo, *color) } else { of_pixel };
             let (residual, beyond) = coupled(of_pixel, own, self.observation.coupling);
             self.band.sums[*slot as usize].1.add(weights, &residual, &beyond, share);
@@ -196,7 +208,8 @@ impl<'a> Pass<'a> {
 fn residual(photo: [u8; 3], linear: [f32; 3]) -> [f32; 3] {
     let mut residual = [0.0; 3];
     for c in 0..3 {
-        residual[c] = f32::from(i16::from(photo[c]) - i16::from(srgb8_from_linear(linear[c]))) / 255.0;
+        residual[c] =
+            f32::from(i16::from(photo[c]) - i16::from(srgb8_from_linear(linear[c]))) / 255.0;
     }
     residual
 }
@@ -206,7 +219,8 @@ fn residual(photo: [u8; 3], linear: [f32; 3]) -> [f32; 3] {
 #[inline(always)]
 fn coupled(pixel: [f32; 3], own: [f32; 3], coupling: f32) -> ([f32; 3], [f32; 3]) {
     let bounded = |error: f32| error.clamp(-MOST_RESIDUAL, MOST_RESIDUAL);
-    let (mut residual, mut beyond) = ([0.0; 3], [0.0; 3]);
+    let mut residual = [0.0; 3];
+    let mut beyond = [0.0; 3];
     for c in 0..3 {
         residual[c] = coupling * bounded(pixel[c]) + (1.0 - coupling) * bounded(own[c]);
         beyond[c] = coupling * pixel[c] + (1.0 - coupling) * own[c] - residual[c];
@@ -262,8 +276,14 @@ impl Accumulator {
             let camera = views.camera(view);
             let visibility = self.solid.visibility(mesh, camera, &self.drawing);
             let background = self.drawing.background;
-            let seen =
-                Observation { mesh, camera, photo: &photo, visibility, background, coupling: self.coupling };
+            let seen = Observation {
+                mesh,
+                camera,
+                photo: &photo,
+                visibility,
+                background,
+                coupling: self.coupling,
+            };
             self.errors[view] = self.gatherer.gather(&seen, &mut self.fit, sign);
         }
         Ok(())

@@ -38,7 +38,10 @@ pub(super) fn paint(mesh: &mut Mesh, behind: usize, fit: &Fit) {
     if behind < mesh.face_count() {
         let solved = solve(mesh, behind, fit.sums(behind), fit.encoded(behind));
         let corners = solved.iter().flatten().map(|corner| corner.map(linear_from_srgb));
-        mesh.vertex_colors()[3 * behind..].iter_mut().zip(corners).for_each(|(color, new)| *color = new);
+        mesh.vertex_colors()[3 * behind..]
+            .iter_mut()
+            .zip(corners)
+            .for_each(|(color, new)| *color = new);
     }
 }
 
@@ -78,7 +81,8 @@ struct System {
 impl System {
     /// Corners are at one vertex if their positions are bitwise equal.
     fn of(mesh: &Mesh, first: usize) -> Self {
-        let mut known: HashMap<[u32; 3], u32> = HashMap::with_capacity(3 * (mesh.face_count() - first));
+        let mut known: HashMap<[u32; 3], u32> =
+            HashMap::with_capacity(3 * (mesh.face_count() - first));
         let mut counts: Vec<f64> = Vec::new();
         let corners = (first..mesh.face_count()).flat_map(|face| mesh.corners(face));
         let vertices = corners.map(|position| {
@@ -118,9 +122,11 @@ impl System {
         encoded: &[[[f32; 3]; 3]],
         right: impl Fn(usize, usize, usize) -> f64,
     ) -> CornerColors {
-        let (mut better, alone) = (encoded.to_vec(), self.blocks());
+        let mut better = encoded.to_vec();
+        let alone = self.blocks();
         for channel in 0..3 {
-            let now: Vec<f64> = encoded.iter().flatten().map(|corner| f64::from(corner[channel])).collect();
+            let now: Vec<f64> =
+                encoded.iter().flatten().map(|corner| f64::from(corner[channel])).collect();
             // The present pulls between corners.
             let mut wanted = self.pull(&now, 0.0);
             for (i, wanted) in wanted.iter_mut().enumerate() {
@@ -144,7 +150,8 @@ impl System {
         for (face, [a, b, c, d, e, f]) in self.matrices.iter().enumerate() {
             let [x0, x1, x2] = [x[3 * face], x[3 * face + 1], x[3 * face + 2]];
             let mean = (x0 + x1 + x2) / 3.0;
-            let shown = [a * x0 + b * x1 + c * x2, b * x0 + d * x1 + e * x2, c * x0 + e * x1 + f * x2];
+            let shown =
+                [a * x0 + b * x1 + c * x2, b * x0 + d * x1 + e * x2, c * x0 + e * x1 + f * x2];
             for (k, x) in [x0, x1, x2].into_iter().enumerate() {
                 let seam = SEAM_PX * (x - means[self.vertices[3 * face + k] as usize]);
                 out.push(photos * shown[k] + seam + FLATNESS_PX * (x - mean));
@@ -185,13 +192,21 @@ impl System {
     /// The inverses of the blocks of the matrix that hold the corners of one triangle, 00 01 02 11 12 22. `[face]`
     fn blocks(&self) -> Vec<[f64; 6]> {
         let block = |(face, shown): (usize, &[f64; 6])| {
-            let seam = |k: usize| SEAM_PX * (1.0 - 1.0 / self.counts[self.vertices[3 * face + k] as usize]);
+            let seam = |k: usize| {
+                SEAM_PX * (1.0 - 1.0 / self.counts[self.vertices[3 * face + k] as usize])
+            };
             let own = |k: usize| seam(k) + FLATNESS_PX * 2.0 / 3.0 + DAMPING_PX;
             let [a, b, c, d, e, f] = *shown;
-            let (a, d, f) = (a + own(0), d + own(1), f + own(2));
+            let a = a + own(0);
+            let d = d + own(1);
+            let f = f + own(2);
             let [b, c, e] = [b, c, e].map(|between| between - FLATNESS_PX / 3.0);
-            let (m00, m01, m02) = (d * f - e * e, c * e - b * f, b * e - c * d);
-            let (m11, m12, m22) = (a * f - c * c, b * c - a * e, a * d - b * b);
+            let m00 = d * f - e * e;
+            let m01 = c * e - b * f;
+            let m02 = b * e - c * d;
+            let m11 = a * f - c * c;
+            let m12 = b * c - a * e;
+            let m22 = a * d - b * b;
             let per = 1.0 / (a * m00 + b * m01 + c * m02);
             [m00, m01, m02, m11, m12, m22].map(|minor| minor * per)
         };
@@ -202,7 +217,11 @@ impl System {
 /// The inverse of each triangle's block times its part of `x`.
 fn solved_alone(alone: &[[f64; 6]], x: &[f64]) -> Vec<f64> {
     let of_face = |([a, b, c, d, e, f], x): (&[f64; 6], &[f64])| {
-        [a * x[0] + b * x[1] + c * x[2], b * x[0] + d * x[1] + e * x[2], c * x[0] + e * x[1] + f * x[2]]
+        [
+            a * x[0] + b * x[1] + c * x[2],
+            b * x[0] + d * x[1] + e * x[2],
+            c * x[0] + e * x[1] + f * x[2],
+        ]
     };
     alone.iter().zip(x.chunks_exact(3)).flat_map(of_face).collect()
 }
@@ -286,7 +305,8 @@ mod tests {
     fn a_mosaic_is_smoothed_and_what_touches_nothing_stays() {
         let mesh = sphere();
         let level = |face: usize| if face.is_multiple_of(2) { 0.4 } else { 0.6 };
-        let colors: CornerColors = (0..mesh.face_count()).map(|face| [[level(face); 3]; 3]).collect();
+        let colors: CornerColors =
+            (0..mesh.face_count()).map(|face| [[level(face); 3]; 3]).collect();
         let smoothed = System::of(&mesh, 0).smoothed(&colors);
         assert!(worst_seam(&mesh, &colors) > 0.19 && worst_seam(&mesh, &smoothed) < 0.12);
         let single = mesh.part(&[0, 9, 77]);

@@ -76,7 +76,9 @@ impl ReshapedFaces {
             let face = found.face(i);
             if face.samples > 0.0 {
                 let old = color.map(|c| f64::from(srgb_from_linear(c)));
-                let mean = |k: usize| (face.rgb[k] + PRIOR_SAMPLES * old[k]) / (face.samples + PRIOR_SAMPLES);
+                let mean = |k: usize| {
+                    (face.rgb[k] + PRIOR_SAMPLES * old[k]) / (face.samples + PRIOR_SAMPLES)
+                };
                 *color = [0, 1, 2].map(|k| linear_from_srgb(mean(k) as f32));
             }
         }
@@ -116,9 +118,13 @@ impl ReshapedFaces {
         let is_good = |i: &usize| !self.shell[*i] && !found.face(*i).is_harmful();
         let staying = (0..self.len()).filter(|i| self.shell[*i] || is_good(i)).count();
         let room = budget.saturating_sub(staying).min((most * staying as f64) as usize);
-        let mut order: Vec<usize> =
-            (0..self.len()).filter(is_good).filter(|&i| found.face(i).samples >= CUT_SAMPLES).collect();
-        order.sort_unstable_by(|&a, &b| found.face(b).error.total_cmp(&found.face(a).error).then(a.cmp(&b)));
+        let mut order: Vec<usize> = (0..self.len())
+            .filter(is_good)
+            .filter(|&i| found.face(i).samples >= CUT_SAMPLES)
+            .collect();
+        order.sort_unstable_by(|&a, &b| {
+            found.face(b).error.total_cmp(&found.face(a).error).then(a.cmp(&b))
+        });
         order.truncate(room);
         for &i in &order {
             let [first, second] = halves(self.corners[i]);
@@ -159,7 +165,8 @@ fn flags(flags: &[bool]) -> Vec<bool> {
 fn halves(corners: [Vec3; 3]) -> [[Vec3; 3]; 2] {
     let edge = |k: usize| corners[(k + 1) % 3].distance_squared(corners[(k + 2) % 3]);
     let opposite = (1..3).fold(0, |best, k| if edge(k) > edge(best) { k } else { best });
-    let (b, c) = ((opposite + 1) % 3, (opposite + 2) % 3);
+    let b = (opposite + 1) % 3;
+    let c = (opposite + 2) % 3;
     let middle = (corners[b] + corners[c]) / 2.0;
     let mut halves = [corners; 2];
     halves[0][c] = middle;
@@ -262,6 +269,8 @@ mod tests {
         let [first, second] = halves(corners);
         assert_eq!(normal(first), normal(second));
         assert_eq!(normal(first) + normal(second), normal(corners));
-        assert!(first.contains(&Vec3::new(2.0, 0.0, 0.0)) && second.contains(&Vec3::new(2.0, 0.0, 0.0)));
+        assert!(
+            first.contains(&Vec3::new(2.0, 0.0, 0.0)) && second.contains(&Vec3::new(2.0, 0.0, 0.0))
+        );
     }
 }

@@ -1,6 +1,8 @@
 //! One round: measures how the pictures change if a triangle is dropped or moved.
 
-use super::reshaped::{COUNT, ERROR, FaceRow, MOVING, Measures, REMOVING, RGB, ReshapedFaces, UNITS, add};
+use super::reshaped::{
+    COUNT, ERROR, FaceRow, MOVING, Measures, REMOVING, RGB, ReshapedFaces, UNITS, add,
+};
 use crate::trial::{GROUPS, group_of};
 use crate::views::Views;
 use std::sync::atomic::AtomicI64;
@@ -30,7 +32,12 @@ pub(super) struct Rounds<'v> {
 impl<'v> Rounds<'v> {
     /// Of a scene that starts as `mesh`; `is_closed`: no view should show holes.
     pub(super) fn new(mesh: &Mesh, views: &'v mut Views, is_closed: bool) -> Self {
-        Self { drawing: views.drawing(mesh, SAMPLES), views, solid: SolidRasterizer::new(), is_closed }
+        Self {
+            drawing: views.drawing(mesh, SAMPLES),
+            views,
+            solid: SolidRasterizer::new(),
+            is_closed,
+        }
     }
 
     /// Compares some of the pictures, different ones in every round, with the scene and, if given, with its
@@ -45,7 +52,8 @@ impl<'v> Rounds<'v> {
         candidates: &[[glam::Vec3; 3]],
     ) -> Result<Measures> {
         let mut found = Measures::new(faces.len());
-        let groups: Vec<u8> = faces.ids().iter().map(|&id| group_of("reshape", id, round)).collect();
+        let groups: Vec<u8> =
+            faces.ids().iter().map(|&id| group_of("reshape", id, round)).collect();
         let moved = groups.iter().map(|g| g + GROUPS as u8).take(candidates.len());
         let planes: Vec<u8> = groups.iter().copied().chain(moved).collect();
         let moves = !candidates.is_empty();
@@ -54,14 +62,17 @@ impl<'v> Rounds<'v> {
         let sides = faces.single_sided();
         let single_sided = if moves { sides.repeat(2) } else { sides };
         let scene = Mesh { positions, single_sided, ..Mesh::default() };
-        let (colors, background) = (faces.encoded_colors(), self.drawing.background);
+        let colors = faces.encoded_colors();
+        let background = self.drawing.background;
         let hole_error = self.is_closed.then_some(HOLE_ERROR);
         let chosen = effort.chosen(round, self.views.len());
         self.views.prefetch(&chosen);
         for view in chosen {
             let camera = self.views.camera(view).within(effort.side);
             let picture = self.views.photo(view)?.shared_at(camera.size);
-            let (picture, colors, rows) = (&*picture, &colors[..], &found.rows[..]);
+            let picture = &*picture;
+            let colors = &colors[..];
+            let rows = &found.rows[..];
             let cut = self.views.is_cut(view) && picture.alpha.is_some();
             let sums = PictureSums { picture, colors, background, hole_error, cut, moves, rows };
             let totals = [AtomicI64::new(0), AtomicI64::new(0)];
@@ -101,7 +112,11 @@ impl PictureSums<'_> {
             let first = (tile.corner.y + y) * self.picture.size.x + tile.corner.x;
             for x in 0..tile.size.x {
                 let pixel = (first + x) as usize;
-                let weight = self.picture.alpha.as_ref().map_or(1.0, |alpha| f32::from(alpha[pixel]) / 255.0);
+                let weight = self
+                    .picture
+                    .alpha
+                    .as_ref()
+                    .map_or(1.0, |alpha| f32::from(alpha[pixel]) / 255.0);
                 if weight > 0.0 || self.cut {
                     totals[0] += f64::from(self.add_sample(tile, x, y, pixel, weight));
                     totals[1] += if self.cut { 1.0 } else { f64::from(weight) };
@@ -206,14 +221,17 @@ pub(super) struct Effort {
 impl Effort {
     /// For `faces` and the pictures of `cameras`: large scenes get fewer pictures, and then fewer rounds.
     pub(super) fn new(faces: usize, cameras: &[Camera], rounds: u32) -> Self {
-        let side = ((PIXELS_PER_FACE * faces as f64).sqrt() as u32).clamp(SHORTEST_SIDE, LONGEST_SIDE);
-        let (faces, views) = (faces as u64, cameras.len() as u64);
+        let side =
+            ((PIXELS_PER_FACE * faces as f64).sqrt() as u32).clamp(SHORTEST_SIDE, LONGEST_SIDE);
+        let faces = faces as u64;
+        let views = cameras.len() as u64;
         let pixels = |camera: &Camera| camera.within(side).size.as_u64vec2().element_product();
         let pixels = (cameras.iter().map(pixels).sum::<u64>() / views.max(1)).max(1);
         // Every face twice, as it is and moved.
         let per_view = 2 * faces + pixels;
         let pictures = (MOST_DRAWN / per_view).clamp(FEWEST_VIEWS, ROUND_VIEWS).min(views);
-        let affordable = MOST_DRAWN * u64::from(rounds.max(USUAL_ROUNDS)) / (pictures.max(1) * per_view);
+        let affordable =
+            MOST_DRAWN * u64::from(rounds.max(USUAL_ROUNDS)) / (pictures.max(1) * per_view);
         let affordable = u32::try_from(affordable).unwrap_or(u32::MAX).max(FEWEST_ROUNDS);
         Self { rounds: affordable.min(rounds), pictures: pictures as usize, side }
     }
@@ -238,8 +256,12 @@ mod tests {
 
     fn cameras(count: usize, side: u32) -> Vec<Camera> {
         let size = UVec2::splat(side);
-        let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
-        vec![Camera { rotation, translation, focal: Vec2::ONE, center: size.as_vec2() / 2.0, size }; count]
+        let rotation = Mat3::IDENTITY;
+        let translation = Vec3::ZERO;
+        vec![
+            Camera { rotation, translation, focal: Vec2::ONE, center: size.as_vec2() / 2.0, size };
+            count
+        ]
     }
 
     #[test]
@@ -247,10 +269,17 @@ mod tests {
         let effort = |faces, count, side| Effort::new(faces, &cameras(count, side), 16);
         let plan = |rounds, pictures, side| Effort { rounds, pictures, side };
         assert_eq!(effort(40_000, 40, 300), plan(16, 40, 800));
-        assert_eq!(effort(8_000, 96, 360), plan(16, 48, 357), "few triangles need as many pictures");
+        assert_eq!(
+            effort(8_000, 96, 360),
+            plan(16, 48, 357),
+            "few triangles need as many pictures"
+        );
         assert_eq!(effort(1_000_000, 96, 360), plan(16, 23, 960));
         let larger = effort(5_000_000, 96, 360);
-        assert!(larger.pictures == 12 && (FEWEST_ROUNDS..16).contains(&larger.rounds), "{larger:?}");
+        assert!(
+            larger.pictures == 12 && (FEWEST_ROUNDS..16).contains(&larger.rounds),
+            "{larger:?}"
+        );
         assert_eq!(effort(50_000_000, 96, 360), plan(FEWEST_ROUNDS, 12, 960));
         assert_eq!(effort(1, 1, 1), plan(16, 1, 128));
     }

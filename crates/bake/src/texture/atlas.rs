@@ -49,16 +49,20 @@ impl Patch {
     /// How large the patch of a triangle with these edges is, and the order of its corners.
     fn new(edges: [f32; 3], texels_per_pixel: f64) -> Self {
         // Edge i leads from corner i to the next one; opposite to it is the one after that.
-        let longest = (0..3).fold(0, |longest, i| if edges[i] > edges[longest] { i } else { longest });
+        let longest =
+            (0..3).fold(0, |longest, i| if edges[i] > edges[longest] { i } else { longest });
         let right = (longest + 2) % 3;
-        let (first, second) = (edges[right], edges[(longest + 1) % 3]);
+        let first = edges[right];
+        let second = edges[(longest + 1) % 3];
         let whole = |px: f32| match f64::from(px) * texels_per_pixel {
             ..1.0 => 1,
             texels => sizes_up(texels.ceil().min(f64::from(MOST)) as u32 + 1),
         };
-        let (along, across) = (whole(first), whole(second));
+        let along = whole(first);
+        let across = whole(second);
         let order = [right, (right + 1) % 3, (right + 2) % 3];
-        let (corner, turned) = (UVec2::ZERO, false);
+        let corner = UVec2::ZERO;
+        let turned = false;
         match along < across {
             false => Self { corner, size: UVec2::new(along, across), turned, order },
             // The longer leg lies along the rows.
@@ -111,19 +115,21 @@ impl Patch {
         let line = size.y == 1;
         // Beyond the corners, where rounding may lead.
         let end = if line { UVec2::new(size.x - 1, 0) } else { size };
-        (0..=end.y).flat_map(move |j| (0..=end.x).map(move |i| UVec2::new(i, j))).filter_map(move |at| {
-            let before = (at.as_vec2() - 1.0) * per;
-            if !line && before.x + before.y >= 1.0 - 1e-6 {
-                return None;
-            }
-            let within = (at.as_vec2() * per).min(Vec2::ONE);
-            let within = (within - (within.element_sum() - 1.0).max(0.0) / 2.0).max(Vec2::ZERO);
-            let mut weights = [0.0; 3];
-            weights[order[1]] = within.x;
-            weights[order[2]] = within.y;
-            weights[order[0]] = (1.0 - within.element_sum()).max(0.0);
-            Some((if turned { corner - at } else { corner + at }, weights))
-        })
+        (0..=end.y).flat_map(move |j| (0..=end.x).map(move |i| UVec2::new(i, j))).filter_map(
+            move |at| {
+                let before = (at.as_vec2() - 1.0) * per;
+                if !line && before.x + before.y >= 1.0 - 1e-6 {
+                    return None;
+                }
+                let within = (at.as_vec2() * per).min(Vec2::ONE);
+                let within = (within - (within.element_sum() - 1.0).max(0.0) / 2.0).max(Vec2::ZERO);
+                let mut weights = [0.0; 3];
+                weights[order[1]] = within.x;
+                weights[order[2]] = within.y;
+                weights[order[0]] = (1.0 - within.element_sum()).max(0.0);
+                Some((if turned { corner - at } else { corner + at }, weights))
+            },
+        )
     }
 }
 
@@ -158,7 +164,8 @@ impl Atlas {
                 return Ok(atlas);
             }
             if atlas.patches.iter().all(|patch| patch.size == UVec2::ONE) {
-                let wants = format!("a texture with a texel for each of {} triangles", atlas.patches.len());
+                let wants =
+                    format!("a texture with a texel for each of {} triangles", atlas.patches.len());
                 return Err(Error::invalid("texture_size", options.texture_size, wants));
             }
             texels_per_pixel *= FEWER;
@@ -172,7 +179,8 @@ impl Atlas {
             let size = self.patches[*face as usize].size;
             (u32::MAX - size.y, u32::MAX - size.x, colors[*face as usize], *face)
         });
-        let texels: u64 = self.patches.iter().map(|p| u64::from(p.size.element_product()) / 2).sum();
+        let texels: u64 =
+            self.patches.iter().map(|p| u64::from(p.size.element_product()) / 2).sum();
         let mut side = 64.max((texels as f64).sqrt() as u32 / 2).next_power_of_two();
         while side <= most {
             if let Some(height) = self.place(&faces, side, side) {
@@ -186,7 +194,8 @@ impl Atlas {
 
     /// Places patches in this order on shelves `width` wide; returns how high they are together, unless that is above `most`.
     fn place(&mut self, faces: &[u32], width: u32, most: u32) -> Option<u32> {
-        let (mut at, mut shelf) = (UVec2::ZERO, 0);
+        let mut at = UVec2::ZERO;
+        let mut shelf = 0;
         let mut next = 0;
         while next < faces.len() {
             let patch = self.patches[faces[next] as usize];
@@ -203,13 +212,16 @@ impl Atlas {
                 return None;
             }
             let first = at + patch.gutter();
-            let pair =
-                faces.get(next + 1).is_some_and(|face| self.patches[*face as usize].size == patch.size);
+            let pair = faces
+                .get(next + 1)
+                .is_some_and(|face| self.patches[*face as usize].size == patch.size);
             let placed = &mut self.patches[faces[next] as usize];
-            (placed.corner, placed.turned) = (first, false);
+            placed.corner = first;
+            placed.turned = false;
             if pair {
                 let placed = &mut self.patches[faces[next + 1] as usize];
-                (placed.corner, placed.turned) = (first + patch.pair() - 1, true);
+                placed.corner = first + patch.pair() - 1;
+                placed.turned = true;
             }
             at.x += rectangle.x;
             next += if pair { 2 } else { 1 };
@@ -246,9 +258,12 @@ impl Layout for Atlas {
 /// Faces of like colours have like keys: the bits of their channels, highest first.
 fn color_key(mesh: &Mesh, face: usize) -> u32 {
     let corners = mesh.corner_colors(face);
-    let codes =
-        [1, 0, 2].map(|c| u32::from(srgb8_from_linear(corners.iter().map(|k| k[c]).sum::<f32>() / 3.0)));
-    (0..8).rev().flat_map(|bit| codes.map(|code| code >> bit & 1)).fold(0, |key, bit| key << 1 | bit)
+    let codes = [1, 0, 2]
+        .map(|c| u32::from(srgb8_from_linear(corners.iter().map(|k| k[c]).sum::<f32>() / 3.0)));
+    (0..8)
+        .rev()
+        .flat_map(|bit| codes.map(|code| code >> bit & 1))
+        .fold(0, |key, bit| key << 1 | bit)
 }
 
 // ---- Where faces are on a texture, whatever placed them there ----------------------------------------
@@ -277,7 +292,8 @@ pub(super) trait Layout: Sync {
         let size = self.size();
         // Rounding may lead a little over the border.
         let place = place.clamp(Vec2::ZERO, (size - 1).as_vec2());
-        let (corner, part) = (place.as_uvec2(), place.fract());
+        let corner = place.as_uvec2();
+        let part = place.fract();
         let next = (corner + self.interpolated(face)).min(size - 1);
         let number = |x: u32, y: u32| (y * size.x + x) as usize;
         [
@@ -316,7 +332,11 @@ pub(super) fn footprints(mesh: &Mesh, views: &Views) -> Vec<[f32; 3]> {
     for camera in views.cameras() {
         seen.fill(false);
         let visible = solid.visibility(mesh, &camera.within(LONGEST), &drawing);
-        visible.face.iter().filter(|face| **face != NO_FACE).for_each(|face| seen[*face as usize] = true);
+        visible
+            .face
+            .iter()
+            .filter(|face| **face != NO_FACE)
+            .for_each(|face| seen[*face as usize] = true);
         parallel::for_each_mut(&mut lengths, GRAIN, |face, lengths| {
             if seen[face] {
                 let here = edges(mesh.corners(face), camera, drawing.near);
@@ -381,7 +401,10 @@ mod tests {
                 for (at, weights) in patch.texels() {
                     assert!(at.cmplt(atlas.size).all(), "{at} of {patch:?}");
                     let owner = &mut owner[(at.y * atlas.size.x + at.x) as usize];
-                    assert!(owner.is_none_or(|other| other == face), "{owner:?} and {face} at {at}");
+                    assert!(
+                        owner.is_none_or(|other| other == face),
+                        "{owner:?} and {face} at {at}"
+                    );
                     *owner = Some(face);
                     assert!(weights.iter().all(|w| (0.0..=1.0).contains(w)), "{weights:?}");
                     assert!((weights.iter().sum::<f32>() - 1.0).abs() < 1e-5, "{weights:?}");
@@ -401,9 +424,13 @@ mod tests {
                 let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
                 let place = patch.place(&[1.0 - u - v, u, v]);
                 for across in [UVec2::ZERO, UVec2::X, UVec2::Y, UVec2::ONE] {
-                    let share = (1.0 - (place - (place.as_uvec2() + across).as_vec2()).abs()).max(Vec2::ZERO);
+                    let share = (1.0 - (place - (place.as_uvec2() + across).as_vec2()).abs())
+                        .max(Vec2::ZERO);
                     let texel = place.as_uvec2() + across;
-                    assert!(share.element_product() < 1e-3 || own.contains(&texel), "{texel} of {patch:?}");
+                    assert!(
+                        share.element_product() < 1e-3 || own.contains(&texel),
+                        "{texel} of {patch:?}"
+                    );
                 }
             }
         }
@@ -417,6 +444,10 @@ mod tests {
         assert_eq!(patch.place(&[0.0, 0.0, 1.0]), Vec2::ZERO);
         assert_eq!(patch.place(&[1.0, 0.0, 0.0]), Vec2::new(47.0, 0.0));
         assert_eq!(patch.place(&[0.0, 1.0, 0.0]), Vec2::new(0.0, 31.0));
-        assert_eq!(Patch::new([9.0; 3], 0.1).size, UVec2::ONE, "too small for more than one colour");
+        assert_eq!(
+            Patch::new([9.0; 3], 0.1).size,
+            UVec2::ONE,
+            "too small for more than one colour"
+        );
     }
 }

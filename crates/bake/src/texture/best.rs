@@ -60,18 +60,24 @@ impl Candidates {
     pub(super) fn add(&mut self, view: usize, photo: &RgbImage, visibility: &Visibility) {
         let here = &self.here;
         parallel::for_each(0..photo.size.y, |_, y| add_row(here, photo, visibility, y));
-        let mut all: Vec<_> = self.of_face.iter_mut().zip(&mut self.sums).zip(&mut self.here).collect();
+        let mut all: Vec<_> =
+            self.of_face.iter_mut().zip(&mut self.sums).zip(&mut self.here).collect();
         parallel::for_each_mut(&mut all, GRAIN, |_, ((candidates, sums), here)| {
-            let [pixels, gradient, rgb @ ..] = here.each_mut().map(|sum| std::mem::take(sum.get_mut()));
+            let [pixels, gradient, rgb @ ..] =
+                here.each_mut().map(|sum| std::mem::take(sum.get_mut()));
             if pixels == 0 {
                 return;
             }
             (0..3).for_each(|c| sums[c] += rgb[c] as f32);
             sums[3] += pixels as f32;
             let color = rgb.map(|sum| sum as f32 / pixels as f32);
-            let found =
-                Candidate { view: view as u32, quality: (gradient + LEAST_GRADIENT * pixels) as f32, color };
-            let at = candidates.partition_point(|other| other.view != NONE && other.quality >= found.quality);
+            let found = Candidate {
+                view: view as u32,
+                quality: (gradient + LEAST_GRADIENT * pixels) as f32,
+                color,
+            };
+            let at = candidates
+                .partition_point(|other| other.view != NONE && other.quality >= found.quality);
             if at < CANDIDATES {
                 candidates[at..].rotate_right(1);
                 candidates[at] = found;
@@ -85,7 +91,8 @@ impl Candidates {
         let costs: Vec<[f32; CANDIDATES]> = self.costs();
         let beside = links(&vertices);
         let label = propagated(&self.of_face, &costs, &beside);
-        let view = label.iter().zip(&self.of_face).map(|(label, of_face)| of_face[*label as usize].view);
+        let view =
+            label.iter().zip(&self.of_face).map(|(label, of_face)| of_face[*label as usize].view);
         Best { view: view.collect(), vertices }
     }
 
@@ -95,8 +102,10 @@ impl Candidates {
                 if candidate.view == NONE {
                     return f32::INFINITY;
                 }
-                let away =
-                    (0..3).map(|c| (candidate.color[c] - sums[c] / sums[3]).powi(2)).sum::<f32>().sqrt();
+                let away = (0..3)
+                    .map(|c| (candidate.color[c] - sums[c] / sums[3]).powi(2))
+                    .sum::<f32>()
+                    .sqrt();
                 1.0 - candidate.quality / candidates[0].quality + away / OTHER
             })
         };
@@ -117,7 +126,8 @@ fn add_row(here: &[[AtomicU64; 5]], photo: &RgbImage, visibility: &Visibility, y
         }
         let right = if x + 1 < width { 1 } else { 0 };
         let here_is = brightness(at);
-        let gradient = (brightness(at + right) - here_is).abs() + (brightness(at + below) - here_is).abs();
+        let gradient =
+            (brightness(at + right) - here_is).abs() + (brightness(at + below) - here_is).abs();
         let sums = &here[face as usize];
         let add = |sum: &AtomicU64, x: u64| sum.fetch_add(x, Ordering::Relaxed);
         add(&sums[0], 1);
@@ -154,7 +164,9 @@ impl Best {
 
     /// How many pairs of a place and a photo there are, and the number of the one of each corner. `[F * 3]`
     pub(super) fn slots(&self) -> Vec<u32> {
-        let key = |corner: usize| u64::from(self.vertices[corner]) << 32 | u64::from(self.view[corner / 3]);
+        let key = |corner: usize| {
+            u64::from(self.vertices[corner]) << 32 | u64::from(self.view[corner / 3])
+        };
         numbered(self.vertices.len(), key)
     }
 }
@@ -191,15 +203,18 @@ struct Links {
 
 fn links(vertices: &[u32]) -> Links {
     let edge = |at: usize| {
-        let (face, k) = (at / 3, at % 3);
-        let (a, b) = (vertices[at], vertices[3 * face + (k + 1) % 3]);
+        let face = at / 3;
+        let k = at % 3;
+        let a = vertices[at];
+        let b = vertices[3 * face + (k + 1) % 3];
         (a.min(b), a.max(b))
     };
     let mut edges: Vec<u32> = (0..vertices.len() as u32).collect();
     edges.par_sort_unstable_by_key(|at| (edge(*at as usize), *at));
     let mut pairs: Vec<(u32, u32)> = Vec::new();
     for two in edges.windows(2) {
-        let (a, b) = (two[0] / 3, two[1] / 3);
+        let a = two[0] / 3;
+        let b = two[1] / 3;
         if a != b && edge(two[0] as usize) == edge(two[1] as usize) {
             pairs.extend([(a, b), (b, a)]);
         }
@@ -207,13 +222,21 @@ fn links(vertices: &[u32]) -> Links {
     pairs.par_sort_unstable();
     pairs.dedup();
     let faces = vertices.len() / 3;
-    let first = (0..=faces as u32).map(|face| pairs.partition_point(|pair| pair.0 < face) as u32).collect();
-    let back = pairs.iter().map(|(a, b)| pairs.binary_search(&(*b, *a)).unwrap_or_default() as u32).collect();
+    let first =
+        (0..=faces as u32).map(|face| pairs.partition_point(|pair| pair.0 < face) as u32).collect();
+    let back = pairs
+        .iter()
+        .map(|(a, b)| pairs.binary_search(&(*b, *a)).unwrap_or_default() as u32)
+        .collect();
     Links { first, other: pairs.into_iter().map(|pair| pair.1).collect(), back }
 }
 
 /// The number of the candidate that every face takes.
-fn propagated(of_face: &[[Candidate; CANDIDATES]], costs: &[[f32; CANDIDATES]], beside: &Links) -> Vec<u32> {
+fn propagated(
+    of_face: &[[Candidate; CANDIDATES]],
+    costs: &[[f32; CANDIDATES]],
+    beside: &Links,
+) -> Vec<u32> {
     // Belief-propagation messages, one per directed pair of neighbours.
     let mut messages = vec![[0.0f32; CANDIDATES]; beside.other.len()];
     let pairs = |face: usize| beside.first[face] as usize..beside.first[face + 1] as usize;
@@ -227,11 +250,13 @@ fn propagated(of_face: &[[Candidate; CANDIDATES]], costs: &[[f32; CANDIDATES]], 
     };
     for _ in 0..ROUNDS {
         let of_pairs = |face: usize| {
-            let (all, messages) = (belief(&messages, face), &messages);
+            let all = belief(&messages, face);
+            let messages = &messages;
             pairs(face).map(move |pair| {
                 let back = &messages[beside.back[pair] as usize];
                 let without: [f32; CANDIDATES] = std::array::from_fn(|l| all[l] - back[l]);
-                let least = without.iter().copied().filter(|x| x.is_finite()).fold(f32::INFINITY, f32::min);
+                let least =
+                    without.iter().copied().filter(|x| x.is_finite()).fold(f32::INFINITY, f32::min);
                 let other = &of_face[beside.other[pair] as usize];
                 other.map(|candidate| {
                     if candidate.view == NONE || !least.is_finite() {
@@ -242,8 +267,9 @@ fn propagated(of_face: &[[Candidate; CANDIDATES]], costs: &[[f32; CANDIDATES]], 
                 })
             })
         };
-        let next =
-            parallel::ranges(of_face.len(), 1 << 10, |faces| faces.flat_map(of_pairs).collect::<Vec<_>>());
+        let next = parallel::ranges(of_face.len(), 1 << 10, |faces| {
+            faces.flat_map(of_pairs).collect::<Vec<_>>()
+        });
         messages = next.concat();
     }
     let best = |face: usize| {

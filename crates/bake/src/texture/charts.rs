@@ -50,7 +50,11 @@ impl Charts {
     /// Unwraps `mesh`, whose edges have these lengths in photos, px. Its vertices are doubled where charts end. `[F]`
     ///
     /// Errors: what cannot be unwrapped onto a texture of the largest size.
-    pub(super) fn new(mesh: &mut Mesh, edges: &[[f32; 3]], options: &TextureOptions) -> Result<Self> {
+    pub(super) fn new(
+        mesh: &mut Mesh,
+        edges: &[[f32; 3]],
+        options: &TextureOptions,
+    ) -> Result<Self> {
         let refused = |e: uvunwrap::Error| {
             let wants = format!("a texture on which the surface has room ({e})");
             Error::invalid("texture_size", options.texture_size, wants)
@@ -63,7 +67,8 @@ impl Charts {
         let charts = apart(mesh, &unwrapped.map_err(refused)?.meshes[0], edges);
         let inputs: Vec<MeshInput<'_>> = charts.iter().map(Chart::input).collect();
         let wanted = options.texels_per_pixel as f32;
-        let fixed = Options { density: Density::Fixed { texels_per_unit: wanted, page_size: None }, ..how };
+        let fixed =
+            Options { density: Density::Fixed { texels_per_unit: wanted, page_size: None }, ..how };
         let most = options.texture_size;
         let packed = match uvunwrap::generate(&inputs, &fixed) {
             Ok(packed) if packed.width.max(packed.height) <= most => packed,
@@ -79,7 +84,8 @@ impl Charts {
         let used = UVec2::new(packed.width, packed.height);
         let size = used.map(|side| side.next_multiple_of(STEP)).min(UVec2::splat(most)).max(used);
         let corners = split(mesh, &charts, &packed.meshes, used.as_vec2());
-        let (texels_per_pixel, count) = (f64::from(packed.texels_per_unit), packed.chart_count.into());
+        let texels_per_pixel = f64::from(packed.texels_per_unit);
+        let count = packed.chart_count.into();
         Ok(Self { owner: owners(&corners, size), size, corners, texels_per_pixel, count })
     }
 }
@@ -135,7 +141,12 @@ fn apart(mesh: &Mesh, unwrapped: &uvunwrap::OutputMesh, edges: &[[f32; 3]]) -> V
 
 /// Gives `mesh` the vertices of its charts. Returns where the corners of its faces are, in texels from the middle of the first one, on a
 /// texture of this size. `[F]`
-fn split(mesh: &mut Mesh, charts: &[Chart], packed: &[uvunwrap::OutputMesh], size: Vec2) -> Vec<[Vec2; 3]> {
+fn split(
+    mesh: &mut Mesh,
+    charts: &[Chart],
+    packed: &[uvunwrap::OutputMesh],
+    size: Vec2,
+) -> Vec<[Vec2; 3]> {
     let place = |vertex: &uvunwrap::OutputVertex| Vec2::from(vertex.uv) * size - 0.5;
     // Old vertices of the new ones, and where these are.
     let (mut from, mut at): (Vec<u32>, Vec<Vec2>) = (Vec::new(), Vec::new());
@@ -146,7 +157,8 @@ fn split(mesh: &mut Mesh, charts: &[Chart], packed: &[uvunwrap::OutputMesh], siz
         from.resize(at.len(), 0);
         for (i, &face) in chart.faces.iter().enumerate() {
             for k in 0..3 {
-                let (old, new) = (3 * face as usize + k, first + packed.indices[3 * i + k]);
+                let old = 3 * face as usize + k;
+                let new = first + packed.indices[3 * i + k];
                 from[new as usize] = mesh.indices[old];
                 indices[old] = new;
             }
@@ -171,9 +183,11 @@ fn owners(corners: &[[Vec2; 3]], size: UVec2) -> Vec<u32> {
         let high = (a.max(b).max(c) + REACH).clamp(Vec2::ZERO, last).as_uvec2();
         for y in low.y..=high.y {
             for x in low.x..=high.x {
-                let (at, away) = ((y * size.x + x) as usize, away(corners, UVec2::new(x, y).as_vec2()));
+                let at = (y * size.x + x) as usize;
+                let away = away(corners, UVec2::new(x, y).as_vec2());
                 if away < distance[at] {
-                    (owner[at], distance[at]) = (face as u32, away);
+                    owner[at] = face as u32;
+                    distance[at] = away;
                 }
             }
         }
@@ -184,7 +198,8 @@ fn owners(corners: &[[Vec2; 3]], size: UVec2) -> Vec<u32> {
 /// Square of the distance of a point from a triangle; 0 within it.
 fn away(corners: &[Vec2; 3], point: Vec2) -> f32 {
     let sides = [0, 1, 2].map(|k| {
-        let (from, to) = (corners[k], corners[(k + 1) % 3]);
+        let from = corners[k];
+        let to = corners[(k + 1) % 3];
         (to - from).perp_dot(point - from)
     });
     if sides.iter().all(|side| *side >= 0.0) || sides.iter().all(|side| *side <= 0.0) {
@@ -194,9 +209,10 @@ fn away(corners: &[Vec2; 3], point: Vec2) -> f32 {
         }
     }
     let to_edge = |k: usize| {
-        let (from, along) = (corners[k], corners[(k + 1) % 3] - corners[k]);
-        let share =
-            ((point - from).dot(along) / along.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let from = corners[k];
+        let along = corners[(k + 1) % 3] - corners[k];
+        let share = ((point - from).dot(along) / along.length_squared().max(f32::MIN_POSITIVE))
+            .clamp(0.0, 1.0);
         point.distance_squared(from + share * along)
     };
     to_edge(0).min(to_edge(1)).min(to_edge(2))
@@ -206,7 +222,8 @@ fn away(corners: &[Vec2; 3], point: Vec2) -> f32 {
 fn weights(corners: &[Vec2; 3], point: Vec2) -> [f32; 3] {
     let [a, b, c] = *corners;
     let area = (b - a).perp_dot(c - a);
-    let (u, v) = ((point - a).perp_dot(c - a) / area, (b - a).perp_dot(point - a) / area);
+    let u = (point - a).perp_dot(c - a) / area;
+    let v = (b - a).perp_dot(point - a) / area;
     let kept = [1.0 - u - v, u, v].map(|w| w.clamp(0.0, 1.0));
     let sum: f32 = kept.iter().sum();
     if sum > 0.0 && sum.is_finite() { kept.map(|w| w / sum) } else { [1.0 / 3.0; 3] }

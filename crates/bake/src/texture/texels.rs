@@ -53,11 +53,16 @@ impl Texels {
     pub(super) fn new(mesh: &Mesh, layout: &impl Layout) -> Self {
         let size = layout.size();
         let count = size.element_product() as usize;
-        let mut texels =
-            Self { size, owned: vec![false; count], values: vec![[0.0; 3]; count], sums: Vec::new() };
+        let mut texels = Self {
+            size,
+            owned: vec![false; count],
+            values: vec![[0.0; 3]; count],
+            sums: Vec::new(),
+        };
         texels.sums.resize_with(count, Default::default);
         for face in 0..layout.face_count() {
-            let corners = mesh.corner_colors(face).map(|corner| corner.map(|c| 255.0 * srgb_from_linear(c)));
+            let corners =
+                mesh.corner_colors(face).map(|corner| corner.map(|c| 255.0 * srgb_from_linear(c)));
             layout.for_each_texel(face, &mut |at, weights| {
                 let at = (at.y * size.x + at.x) as usize;
                 texels.owned[at] = true;
@@ -118,7 +123,8 @@ impl Texels {
     /// The texels that explain the photos added.
     fn solved(&self, flatness: f32) -> Vec<[f32; 3]> {
         let solved = |texel: usize| {
-            let (first, step) = (self.values[texel], self.step(texel, flatness));
+            let first = self.values[texel];
+            let step = self.step(texel, flatness);
             [0, 1, 2].map(|c| (first[c] + step[c]).clamp(0.0, 255.0))
         };
         parallel::collect(self.values.len(), 1 << 14, solved)
@@ -157,7 +163,8 @@ impl Texels {
             sums
         };
         let of_faces: Vec<[[f32; 4]; 3]> = parallel::collect(layout.face_count(), 1, of_face);
-        let mut slots = vec![[0.0f32; 4]; slot_of.iter().max().map_or(0, |last| *last as usize + 1)];
+        let mut slots =
+            vec![[0.0f32; 4]; slot_of.iter().max().map_or(0, |last| *last as usize + 1)];
         for (slot, sums) in slot_of.iter().zip(of_faces.as_flattened()) {
             (0..4).for_each(|c| slots[*slot as usize][c] += sums[c]);
         }
@@ -200,7 +207,8 @@ impl<L: Layout> Observation<'_, L> {
         for x in 0..self.photo.size.x {
             let at = (y * self.photo.size.x + x) as usize;
             let face = self.visibility.face[at];
-            let counts = self.photo.alpha.as_ref().map_or(1.0, |alpha| f32::from(alpha[at]) / 255.0);
+            let counts =
+                self.photo.alpha.as_ref().map_or(1.0, |alpha| f32::from(alpha[at]) / 255.0);
             if face == NO_FACE
                 || counts == 0.0
                 || self.best.is_some_and(|(best, view)| best.view(face) != view)
@@ -221,7 +229,8 @@ impl<L: Layout> Observation<'_, L> {
     fn add(&self, face: usize, place: Vec2, photo: [u8; 3], counts: f32) {
         let four = self.layout.around(face, place);
         let residual = [0, 1, 2].map(|c| {
-            let drawn: f32 = four.iter().map(|(texel, share)| share * self.texels.values[*texel][c]).sum();
+            let drawn: f32 =
+                four.iter().map(|(texel, share)| share * self.texels.values[*texel][c]).sum();
             (f32::from(photo[c]) - drawn) / 255.0
         });
         for (texel, share) in four {
@@ -261,7 +270,8 @@ impl Page {
         let mean = sum.map(|s| (s / shown.max(1) as f64) as f32);
         (0..DILATION).for_each(|_| self.dilate());
         let code = |texel: usize| {
-            (if self.owned[texel] { self.values[texel] } else { mean }).map(|c: f32| (c + 0.5) as u8)
+            (if self.owned[texel] { self.values[texel] } else { mean })
+                .map(|c: f32| (c + 0.5) as u8)
         };
         let rgb = parallel::collect(self.values.len(), 1 << 14, code);
         RgbImage { size: self.size, rgb, alpha: None }
@@ -269,12 +279,14 @@ impl Page {
 
     /// Gives texels beside those that have a colour the mean of theirs.
     fn dilate(&mut self) {
-        let (width, height) = (self.size.x as usize, self.size.y as usize);
+        let width = self.size.x as usize;
+        let height = self.size.y as usize;
         let grown = |at: usize| {
             if self.owned[at] {
                 return None;
             }
-            let (x, y) = (at % width, at / width);
+            let x = at % width;
+            let y = at / width;
             let beside = [
                 (x > 0).then(|| at - 1),
                 (x + 1 < width).then_some(at + 1),
@@ -290,7 +302,8 @@ impl Page {
         };
         let grown: Vec<(usize, [f32; 3])> = parallel::filter_map(self.owned.len(), 1 << 14, grown);
         for (at, value) in grown {
-            (self.owned[at], self.values[at]) = (true, value);
+            self.owned[at] = true;
+            self.values[at] = value;
         }
     }
 }

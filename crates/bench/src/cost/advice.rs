@@ -10,7 +10,8 @@ pub(super) fn advice(cells: &[CostCell], watched: usize) -> Option<String> {
     let best = cells.iter().max_by(|a, b| a.psnr.total_cmp(&b.psnr))?;
     let noise = difference_band(best);
     let enough = |cell: &&CostCell| cell.psnr >= best.psnr - noise;
-    let chosen = cells.iter().filter(enough).min_by(|a, b| a.cpu_seconds.total_cmp(&b.cpu_seconds))?;
+    let chosen =
+        cells.iter().filter(enough).min_by(|a, b| a.cpu_seconds.total_cmp(&b.cpu_seconds))?;
     Some(sentence(chosen, best, watched, gain_of_doubling(cells, best)))
 }
 
@@ -27,8 +28,10 @@ fn gain_of_doubling(cells: &[CostCell], best: &CostCell) -> Option<f64> {
         cells.map(|cell| cell.psnr).max_by(f64::total_cmp)
     };
     // Seconds of runs that should take half as long vary.
-    let (half, quarter) = (within(0.6)?, within(0.35)?);
-    let (last, before) = (best.psnr - half, half - quarter);
+    let half = within(0.6)?;
+    let quarter = within(0.35)?;
+    let last = best.psnr - half;
+    let before = half - quarter;
     let decay = if before > 0.0 { (last / before).clamp(0.0, 1.0) } else { 1.0 };
     Some(last.max(0.0) * decay)
 }
@@ -42,7 +45,8 @@ fn sentence(chosen: &CostCell, best: &CostCell, watched: usize, gain: Option<f64
     );
     if chosen.cpu_seconds < best.cpu_seconds {
         let differ = best.psnr - chosen.psnr;
-        let (seconds, options) = (short(best.cpu_seconds), best.options());
+        let seconds = short(best.cpu_seconds);
+        let options = best.options();
         text += &format!("{seconds} CPU s ({options}) gave {differ:+.2} dB, which may be chance; ");
     }
     text += &match gain {
@@ -69,7 +73,8 @@ fn short(value: f64) -> String {
     let scaled = value / unit;
     let digits = (2 - scaled.abs().max(1e-4).log10().floor() as i32).clamp(0, 5) as usize;
     let text = format!("{scaled:.digits$}");
-    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    let text =
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
     format!("{}{letter}", if text == "-0" { "0" } else { text })
 }
 
@@ -84,7 +89,11 @@ mod tests {
 
     #[test]
     fn what_still_gains_is_told_with_what_twice_the_time_gives() {
-        let cells = [cell(250, 10.0, 20.0, 0.05), cell(500, 20.0, 22.0, 0.05), cell(1000, 41.0, 23.0, 0.05)];
+        let cells = [
+            cell(250, 10.0, 20.0, 0.05),
+            cell(500, 20.0, 22.0, 0.05),
+            cell(1000, 41.0, 23.0, 0.05),
+        ];
         let said = advice(&cells, 6).unwrap();
         let wants = "use --steps 1000 --max-triangles 3000: 41 CPU s, 23.00 ± 0.05 dB on 6 photos that training did not see; 82 CPU s should give +0.5 dB";
         assert_eq!(said, wants);
@@ -92,12 +101,13 @@ mod tests {
 
     #[test]
     fn the_cheapest_of_what_is_as_close_is_told() {
-        let cells = [cell(250, 10.0, 22.9, 0.1), cell(500, 20.0, 23.0, 0.1), cell(1000, 41.0, 23.02, 0.1)];
+        let cells =
+            [cell(250, 10.0, 22.9, 0.1), cell(500, 20.0, 23.0, 0.1), cell(1000, 41.0, 23.02, 0.1)];
         let said = advice(&cells, 3).unwrap();
         assert!(said.starts_with("use --steps 250 "), "{said}");
-        assert!(
-            said.contains("41 CPU s (--steps 1000 --max-triangles 3000) gave +0.12 dB, which may be chance")
-        );
+        assert!(said.contains(
+            "41 CPU s (--steps 1000 --max-triangles 3000) gave +0.12 dB, which may be chance"
+        ));
         assert!(said.ends_with("should give nothing that can be told from chance"), "{}", said);
     }
 

@@ -32,7 +32,8 @@ impl Grid {
                 Err(Error::invalid(option, list.join(","), "numbers that ascend, each given once"))
             }
         };
-        let doubled = || std::iter::successors(Some(STEPS.0), |n| Some(2 * n)).take_while(|n| *n < STEPS.1);
+        let doubled =
+            || std::iter::successors(Some(STEPS.0), |n| Some(2 * n)).take_while(|n| *n < STEPS.1);
         let thirds = || {
             let decades = std::iter::successors(Some(TRIANGLES.0), |n| Some(10 * n));
             decades.flat_map(|n| [n, 10 * n / 3]).take_while(|n| *n < TRIANGLES.1)
@@ -56,12 +57,16 @@ impl Grid {
         for triangles in &self.triangles {
             let before = cells.len();
             for steps in &self.steps {
-                if self.expected(&cells, *steps, *triangles).is_some_and(|seconds| seconds > self.budget) {
+                if self
+                    .expected(&cells, *steps, *triangles)
+                    .is_some_and(|seconds| seconds > self.budget)
+                {
                     break;
                 }
                 cells.push(train(*steps, *triangles)?);
             }
-            let row = cells[before..].iter().map(|cell| cell.psnr).fold(f64::NEG_INFINITY, f64::max);
+            let row =
+                cells[before..].iter().map(|cell| cell.psnr).fold(f64::NEG_INFINITY, f64::max);
             // A row that nothing fits in, or that gains nothing, is the last: larger ones gain less in this time.
             if !(row > best + LEAST_GAIN) {
                 break;
@@ -76,7 +81,8 @@ impl Grid {
     fn expected(&self, cells: &[CostCell], steps: u64, triangles: u64) -> Option<f64> {
         let shorter = cells.iter().rev().find(|cell| cell.max_triangles == triangles);
         let shorter = shorter.map(|cell| cell.cpu_seconds * steps as f64 / cell.steps as f64);
-        let smaller = cells.iter().rev().find(|cell| cell.steps == steps).map(|cell| cell.cpu_seconds);
+        let smaller =
+            cells.iter().rev().find(|cell| cell.steps == steps).map(|cell| cell.cpu_seconds);
         shorter.or(smaller)
     }
 }
@@ -120,7 +126,8 @@ pub(super) struct CostCell {
 impl CostCell {
     /// Of runs; band and front come later.
     pub(super) fn new(steps: u64, max_triangles: u64, runs: Vec<CostRun>) -> Self {
-        let mean = |of: fn(&CostRun) -> f64| runs.iter().map(of).sum::<f64>() / runs.len().max(1) as f64;
+        let mean =
+            |of: fn(&CostRun) -> f64| runs.iter().map(of).sum::<f64>() / runs.len().max(1) as f64;
         Self {
             steps,
             max_triangles,
@@ -152,20 +159,23 @@ pub(super) fn compare(cells: &mut [CostCell]) {
     let costs: Vec<(f64, f64)> = cells.iter().map(|cell| (cell.cpu_seconds, cell.psnr)).collect();
     for cell in cells {
         cell.psnr_band = half_band(values.iter().map(Vec::as_slice), cell.runs.len());
-        let beaten = |(seconds, psnr): &(f64, f64)| *seconds <= cell.cpu_seconds && *psnr > cell.psnr;
+        let beaten =
+            |(seconds, psnr): &(f64, f64)| *seconds <= cell.cpu_seconds && *psnr > cell.psnr;
         cell.on_front = !costs.iter().any(beaten);
     }
 }
 
 /// 97.5% quantiles of Student's t for 1 to 10 degrees of freedom.
-const QUANTILES: [f64; 10] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228];
+const QUANTILES: [f64; 10] =
+    [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228];
 /// Its quantile for more: that of the normal variable, and what is left in the inverse of their number, to 0.01.
 const MANY: (f64, f64) = (1.960, 2.65);
 
 /// Half the width of the 95% band of a mean of `runs` runs, where `groups` hold the values of runs that differ by their seed only. All groups
 /// have one spread, as far as few runs can tell, so it is taken from all of them; `None` where no group has two runs.
 fn half_band<'a>(groups: impl Iterator<Item = &'a [f64]>, runs: usize) -> Option<f64> {
-    let (mut squares, mut freedom) = (0.0, 0);
+    let mut squares = 0.0;
+    let mut freedom = 0;
     for group in groups.filter(|group| group.len() > 1) {
         let mean = group.iter().sum::<f64>() / group.len() as f64;
         squares += group.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
@@ -201,8 +211,11 @@ mod tests {
         );
         let cells = grid.measure(cell).unwrap();
         assert!(cells.iter().all(|cell| cell.cpu_seconds <= 30.0));
-        let rows: Vec<usize> =
-            grid.triangles.iter().map(|t| cells.iter().filter(|c| c.max_triangles == *t).count()).collect();
+        let rows: Vec<usize> = grid
+            .triangles
+            .iter()
+            .map(|t| cells.iter().filter(|c| c.max_triangles == *t).count())
+            .collect();
         // 8000, 2000, 1000 and 250 steps fit; with 100,000 triangles these are too few.
         assert_eq!(rows[..5], [6, 4, 3, 1, 0]);
     }
@@ -211,7 +224,8 @@ mod tests {
     fn what_is_given_is_tried_as_far_as_it_fits() {
         let grid = Grid::new(&[100, 1000], &[1000, 2000], 1.0).unwrap();
         let cells = grid.measure(cell).unwrap();
-        let tried: Vec<(u64, u64)> = cells.iter().map(|cell| (cell.steps, cell.max_triangles)).collect();
+        let tried: Vec<(u64, u64)> =
+            cells.iter().map(|cell| (cell.steps, cell.max_triangles)).collect();
         assert_eq!(tried, [(100, 1000), (1000, 1000), (100, 2000)]);
         assert_eq!(Grid::new(&[100], &[2000], 1e-9).unwrap().measure(cell).unwrap().len(), 1);
         let message = Grid::new(&[100, 100], &[], 1.0).unwrap_err().to_string();
@@ -220,9 +234,14 @@ mod tests {
 
     #[test]
     fn cells_have_means_bands_and_a_front() {
-        let run = |seed, cpu_seconds, psnr| CostRun { seed, cpu_seconds, triangles: 7, psnr, ssim: 0.9 };
+        let run =
+            |seed, cpu_seconds, psnr| CostRun { seed, cpu_seconds, triangles: 7, psnr, ssim: 0.9 };
         let cell = |seconds: f64, psnr: f64| {
-            CostCell::new(8, 9, vec![run(0, seconds - 1.0, psnr - 0.1), run(1, seconds + 1.0, psnr + 0.1)])
+            CostCell::new(
+                8,
+                9,
+                vec![run(0, seconds - 1.0, psnr - 0.1), run(1, seconds + 1.0, psnr + 0.1)],
+            )
         };
         let mut cells = [cell(10.0, 20.0), cell(20.0, 19.0), cell(30.0, 21.0)];
         compare(&mut cells);
@@ -249,7 +268,8 @@ mod tests {
             let held = |trial: u64| {
                 let rng = Rng::new(7, "band", trial);
                 let value = |i: u64| f64::from(rng.normal(i));
-                let groups: Vec<[f64; 3]> = (0..cells).map(|c| [0, 1, 2].map(|k| value(3 * c + k))).collect();
+                let groups: Vec<[f64; 3]> =
+                    (0..cells).map(|c| [0, 1, 2].map(|k| value(3 * c + k))).collect();
                 let band = half_band(groups.iter().map(|group| &group[..]), 3).unwrap();
                 (groups[0].iter().sum::<f64>() / 3.0).abs() <= band
             };

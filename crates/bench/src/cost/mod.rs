@@ -73,9 +73,14 @@ pub(crate) fn run(args: &CostArgs) -> Result<()> {
     eprintln!("   steps  triangles     CPU s  PSNR dB    SSIM   of each seed");
     let cell = |steps, max_triangles| {
         let run = |seed| {
-            train(args, &photos, TrainOptions { steps, max_triangles, seed, ..TrainOptions::default() })
+            train(
+                args,
+                &photos,
+                TrainOptions { steps, max_triangles, seed, ..TrainOptions::default() },
+            )
         };
-        let cell = CostCell::new(steps, max_triangles, (0..args.seeds).map(run).collect::<Result<_>>()?);
+        let cell =
+            CostCell::new(steps, max_triangles, (0..args.seeds).map(run).collect::<Result<_>>()?);
         eprintln!("{}", line(&cell));
         Ok(cell)
     };
@@ -90,7 +95,8 @@ pub(crate) fn run(args: &CostArgs) -> Result<()> {
         photos: photos.train().count(),
         watched,
         budget: args.budget.0,
-        advice: advice.ok_or_else(|| Error::invalid("budget", args.budget, "time for one training"))?,
+        advice: advice
+            .ok_or_else(|| Error::invalid("budget", args.budget, "time for one training"))?,
         cells,
     };
     summary(&report).iter().for_each(|line| eprintln!("{line}"));
@@ -121,7 +127,8 @@ fn left_out(photos: &Dataset) -> Result<Dataset> {
 
 /// Trains once, as the command `train` would.
 fn train(args: &CostArgs, photos: &Dataset, options: TrainOptions) -> Result<CostRun> {
-    let (seed, began) = (options.seed, cpu_secs());
+    let seed = options.seed;
+    let began = cpu_secs();
     let mut job = TrainJob::new(photos.clone(), options);
     job.dataset_options = args.dataset_options.clone();
     let trained = job.run(&mut |_| Continue(()))?.trained;
@@ -140,12 +147,16 @@ fn train(args: &CostArgs, photos: &Dataset, options: TrainOptions) -> Result<Cos
 fn line(cell: &CostCell) -> String {
     let each: Vec<String> = cell.runs.iter().map(|run| format!("{:.2}", run.psnr)).collect();
     let CostCell { steps, max_triangles, cpu_seconds, psnr, ssim, .. } = cell;
-    format!("{steps:>8}{max_triangles:>11}{cpu_seconds:>10.1}{psnr:>9.2}{ssim:>8.4}   {}", each.join(" "))
+    format!(
+        "{steps:>8}{max_triangles:>11}{cpu_seconds:>10.1}{psnr:>9.2}{ssim:>8.4}   {}",
+        each.join(" ")
+    )
 }
 
 /// What was measured with, the front with its bands, and the settings to use.
 fn summary(report: &CostReport) -> Vec<String> {
-    let (size, watched) = (ShrunkSize::beside(report.photo_size), report.watched.len());
+    let size = ShrunkSize::beside(report.photo_size);
+    let watched = report.watched.len();
     let mut front: Vec<&CostCell> = report.cells.iter().filter(|cell| cell.on_front).collect();
     front.sort_by(|a, b| a.cpu_seconds.total_cmp(&b.cpu_seconds));
     let row = |cell: &&CostCell| {
@@ -165,8 +176,11 @@ mod tests {
     #[test]
     fn the_last_line_says_what_to_use() {
         let run = CostRun { seed: 0, cpu_seconds: 2.0, triangles: 90, psnr: 21.5, ssim: 0.8 };
-        let mut cell = CostCell::new(500, 3000, vec![run.clone(), CostRun { seed: 1, psnr: 21.75, ..run }]);
-        (cell.psnr, cell.psnr_band, cell.on_front) = (21.5, Some(0.125), true);
+        let mut cell =
+            CostCell::new(500, 3000, vec![run.clone(), CostRun { seed: 1, psnr: 21.75, ..run }]);
+        cell.psnr = 21.5;
+        cell.psnr_band = Some(0.125);
+        cell.on_front = true;
         assert_eq!(line(&cell), "     500       3000       2.0    21.50  0.8000   21.50 21.75");
         let report = CostReport {
             machine: Machine::default(),

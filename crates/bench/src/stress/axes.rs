@@ -89,14 +89,18 @@ impl Axis {
 impl AxisRow {
     /// The value at `share` of the way from `from` to `to`; on log axes, interpolates the logarithm.
     pub(super) fn between(&self, from: f64, to: f64, share: f64) -> f64 {
-        let value = if self.log { from * (to / from).powf(share) } else { from + (to - from) * share };
+        let value =
+            if self.log { from * (to / from).powf(share) } else { from + (to - from) * share };
         value.clamp(from, to)
     }
 
     /// Where a value lies between `from` and `to`, in [0, 1]: the inverse of [`Self::between`].
     pub(super) fn share(&self, from: f64, to: f64, value: f64) -> f64 {
-        let share =
-            if self.log { (value / from).ln() / (to / from).ln() } else { (value - from) / (to - from) };
+        let share = if self.log {
+            (value / from).ln() / (to / from).ln()
+        } else {
+            (value - from) / (to - from)
+        };
         if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) }
     }
 }
@@ -114,7 +118,11 @@ mod tests {
             assert!(row.most_in_pairs <= row.most && (!row.log || row.least > 0.0), "{}", row.name);
             for share in [0.0, 0.3, 1.0] {
                 let value = row.between(row.least, row.most, share);
-                assert!((row.share(row.least, row.most, value) - share).abs() < 1e-9, "{}", row.name);
+                assert!(
+                    (row.share(row.least, row.most, value) - share).abs() < 1e-9,
+                    "{}",
+                    row.name
+                );
             }
         }
     }

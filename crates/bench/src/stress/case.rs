@@ -50,7 +50,8 @@ impl StressCase {
         let wants = |e: serde_json::Error| {
             format!("a case as in {{\"seed\": 1, \"axes\": {{\"sigma\": 0.5}}}} ({e})")
         };
-        let case: Self = serde_json::from_str(text).map_err(|e| Error::invalid("case", text, wants(e)))?;
+        let case: Self =
+            serde_json::from_str(text).map_err(|e| Error::invalid("case", text, wants(e)))?;
         case.validate()?;
         Ok(case)
     }
@@ -108,7 +109,8 @@ impl StressCase {
         let deep = rng.bits(3).is_multiple_of(DEEP_EVERY);
         let full = |axis: Axis, alone: bool| {
             let row = axis.row();
-            let most = if alone && (axis != Axis::Layers || deep) { row.most } else { row.most_in_pairs };
+            let most =
+                if alone && (axis != Axis::Layers || deep) { row.most } else { row.most_in_pairs };
             (axis, row.between(row.least, most, at(axis)))
         };
         let promised = |axis: Axis| {
@@ -163,7 +165,8 @@ impl StressScene {
             rotation,
             translation,
             focal: Vec2::splat(case.value(Axis::Focal) as f32),
-            center: DVec2::new(0.5 * f64::from(SIDE) + at(7), 0.5 * f64::from(SIDE) + at(8)).as_vec2(),
+            center: DVec2::new(0.5 * f64::from(SIDE) + at(7), 0.5 * f64::from(SIDE) + at(8))
+                .as_vec2(),
             size: UVec2::splat(SIDE),
         };
         let options = SoftOptions {
@@ -179,7 +182,8 @@ impl StressScene {
     pub(super) fn solid(&self) -> (Mesh, SolidRasterOptions) {
         let positions = self.soup.vertices.as_flattened().to_vec();
         let colors = Colors::Face(vec![[0.5; 3]; self.soup.len()]);
-        let options = SolidRasterOptions { near: self.options.near, ..SolidRasterOptions::default() };
+        let options =
+            SolidRasterOptions { near: self.options.near, ..SolidRasterOptions::default() };
         (Mesh { positions, colors, ..Mesh::default() }, options)
     }
 }
@@ -208,10 +212,13 @@ fn soup(case: &StressCase, camera: &Camera, eye: DVec3, scale: f64) -> Soup {
         let spread = |n: u64| if k % 2 == 0 { 1.0 } else { (0.3 * at(n)).exp() };
         soup.opacity.push(case.value(Axis::Opacity).powf(spread(2)).min(1.0) as f32);
         let sigma = Axis::Sigma.row();
-        soup.sigma.push((case.value(Axis::Sigma) * spread(3)).clamp(sigma.least, sigma.most) as f32);
+        soup.sigma
+            .push((case.value(Axis::Sigma) * spread(3)).clamp(sigma.least, sigma.most) as f32);
         let size = case.value(Axis::Sh);
         let coefficients = (u64::from(DEGREE) + 1).pow(2);
-        soup.sh.extend((0..coefficients).map(|n| [0, 1, 2].map(|c| (size * at(30 + 3 * n + c)) as f32)));
+        soup.sh.extend(
+            (0..coefficients).map(|n| [0, 1, 2].map(|c| (size * at(30 + 3 * n + c)) as f32)),
+        );
     }
     soup
 }
@@ -232,9 +239,11 @@ fn outline(case: &StressCase, rng: &Rng, in_the_middle: bool) -> [DVec2; 3] {
     let inradius = case.value(Axis::Inradius) * (0.3 * at(10)).exp();
     let base = case.value(Axis::Aspect);
     let flat = [DVec2::ZERO, DVec2::new(base, 0.0), DVec2::new(base * (0.5 + 0.4 * at(11)), 1.0)];
-    let opposite = [flat[1].distance(flat[2]), flat[2].distance(flat[0]), flat[0].distance(flat[1])];
+    let opposite =
+        [flat[1].distance(flat[2]), flat[2].distance(flat[0]), flat[0].distance(flat[1])];
     let perimeter = opposite.iter().sum::<f64>();
-    let incenter = (flat[0] * opposite[0] + flat[1] * opposite[1] + flat[2] * opposite[2]) / perimeter;
+    let incenter =
+        (flat[0] * opposite[0] + flat[1] * opposite[1] + flat[2] * opposite[2]) / perimeter;
     // The inradius of a triangle of this base and height 1 is its base over its perimeter.
     let size = inradius * perimeter / base;
     let turn = DVec2::from_angle(std::f64::consts::PI * at(12));
@@ -283,18 +292,27 @@ mod tests {
     /// A triangle of the scene in the camera's space, double precision.
     fn seen(scene: &StressScene, triangle: usize) -> [DVec3; 3] {
         let camera = &scene.camera;
-        let to_camera = |v: Vec3| camera.rotation.as_dmat3() * v.as_dvec3() + camera.translation.as_dvec3();
+        let to_camera =
+            |v: Vec3| camera.rotation.as_dmat3() * v.as_dvec3() + camera.translation.as_dvec3();
         scene.soup.vertices[triangle].map(to_camera)
     }
 
     fn inradius(scene: &StressScene, triangle: usize) -> f64 {
         let [a, b, c] = seen(scene, triangle).map(|p| V3::new(p.x, p.y, p.z));
         let focal = f64::from(scene.camera.focal.x);
-        splat(&CameraTriangle { first: a, edges: [b - a, c - a] }, V2::new(focal, focal), V2::zero()).inradius
+        splat(
+            &CameraTriangle { first: a, edges: [b - a, c - a] },
+            V2::new(focal, focal),
+            V2::zero(),
+        )
+        .inradius
     }
 
     fn scene(seed: u64, axes: &[(Axis, f64)]) -> StressScene {
-        StressScene::new(&StressCase { seed, axes: axes.iter().copied().collect::<BTreeMap<_, _>>() })
+        StressScene::new(&StressCase {
+            seed,
+            axes: axes.iter().copied().collect::<BTreeMap<_, _>>(),
+        })
     }
 
     #[test]
@@ -303,7 +321,9 @@ mod tests {
             let plain = scene(seed, &[]);
             plain.soup.validate().unwrap();
             assert_eq!(plain.soup.len(), 4);
-            for (axis, value) in [(Axis::Inradius, 40.0), (Axis::Inradius, 0.2), (Axis::Aspect, 50.0)] {
+            for (axis, value) in
+                [(Axis::Inradius, 40.0), (Axis::Inradius, 0.2), (Axis::Aspect, 50.0)]
+            {
                 let stretched = scene(seed, &[(axis, value)]);
                 let wanted = if axis == Axis::Inradius { value } else { 3.0 };
                 for triangle in 0..4 {

@@ -117,7 +117,8 @@ impl Draw {
 
     /// Seconds of the soft rasteriser, forward and backward.
     fn seconds(&mut self, scene: &StressScene, d: &FrameGrad) -> f64 {
-        let (soup, clock) = (SoupRef::from(&scene.soup), Instant::now());
+        let soup = SoupRef::from(&scene.soup);
+        let clock = Instant::now();
         self.soft.render(&soup, &scene.camera, &scene.options);
         self.soft.backward(&soup, &scene.camera, &scene.options, d, &mut self.grad);
         clock.elapsed().as_secs_f64()
@@ -157,13 +158,16 @@ impl Draw {
         let k = soup.sh_count();
         let groups = [0..9, 9..10, 10..11, 11..11 + 3 * k];
         let size = |grad: &[f64]| grad.iter().fold(0.0, |m, x| f64::max(m, x.abs()));
-        let exact: Vec<Vec<f64>> = (0..soup.len()).map(|t| exact_grad(soup, t, camera, options, d)).collect();
+        let exact: Vec<Vec<f64>> =
+            (0..soup.len()).map(|t| exact_grad(soup, t, camera, options, d)).collect();
         for group in groups {
             let largest = exact.iter().map(|grad| size(&grad[group.clone()])).fold(0.0, f64::max);
             // At a clamped colour the oracle's slope is 0, while a gradient passes if it raises the colour (docs/numerics.md).
-            let smooth = |grad: &&(usize, &Vec<f64>)| grad.1[11..14].iter().all(|slope| *slope != 0.0);
+            let smooth =
+                |grad: &&(usize, &Vec<f64>)| grad.1[11..14].iter().all(|slope| *slope != 0.0);
             for (t, exact) in exact.iter().enumerate().filter(|grad| smooth(&grad)) {
-                let (got, exact) = (&soup_grad(&self.grad, t, k)[group.clone()], &exact[group.clone()]);
+                let got = &soup_grad(&self.grad, t, k)[group.clone()];
+                let exact = &exact[group.clone()];
                 let size = size(exact).max(SMALL_SHARE * largest);
                 for (got, wants) in got.iter().zip(exact).filter(|_| size > 0.0) {
                     errors.add(Promise::Gradients, (got - wants).abs() / size);
@@ -188,15 +192,19 @@ fn random_grad(seed: u64, margins: &[f64]) -> FrameGrad {
 
 /// The largest sum of magnitudes in a colour that is seen, at least 1: what a rounding error of a colour is relative to.
 pub(super) fn color_scale(scene: &StressScene, picture: &[Pixel<f64>]) -> f64 {
-    let (soup, k) = (&scene.soup, scene.soup.sh_count());
-    let (rotation, translation) = (scene.camera.rotation.as_dmat3(), scene.camera.translation.as_dvec3());
+    let soup = &scene.soup;
+    let k = scene.soup.sh_count();
+    let rotation = scene.camera.rotation.as_dmat3();
+    let translation = scene.camera.translation.as_dvec3();
     let seen = |t: &usize| picture.iter().any(|pixel| pixel.weights[*t] > 0.0);
     let size = |t: usize| {
-        let centroid = soup.vertices[t].map(|v| v.as_dvec3()).into_iter().sum::<glam::DVec3>() / 3.0;
+        let centroid =
+            soup.vertices[t].map(|v| v.as_dvec3()).into_iter().sum::<glam::DVec3>() / 3.0;
         let unit = (centroid + rotation.transpose() * translation).normalize();
         let basis = sh::basis(soup.sh_degree, V3::new(unit.x, unit.y, unit.z));
-        let terms =
-            |c: usize| basis.iter().zip(&soup.sh[t * k..]).map(move |(b, sh)| (b * f64::from(sh[c])).abs());
+        let terms = |c: usize| {
+            basis.iter().zip(&soup.sh[t * k..]).map(move |(b, sh)| (b * f64::from(sh[c])).abs())
+        };
         (0..3).map(|c| 0.5 + terms(c).sum::<f64>()).fold(0.0, f64::max)
     };
     (0..soup.len()).filter(seen).map(size).fold(1.0, f64::max)

@@ -28,7 +28,8 @@ pub(super) fn half_steps(mesh: &Mesh, encoding: PositionEncoding, path: &Path) -
         return Ok(f64::INFINITY);
     }
     let all = || mesh.positions.iter().map(|p| p.as_dvec3());
-    let extent = all().fold(DVec3::NEG_INFINITY, DVec3::max) - all().fold(DVec3::INFINITY, DVec3::min);
+    let extent =
+        all().fold(DVec3::NEG_INFINITY, DVec3::max) - all().fold(DVec3::INFINITY, DVec3::min);
     let step = match encoding {
         PositionEncoding::F32 => DVec3::ZERO,
         PositionEncoding::ChunkU16 => extent / STEPS,
@@ -80,7 +81,8 @@ pub(super) fn non_finite(scene: &StressScene) -> f64 {
     // What holds nothing to draw is refused.
     let Ok(asset) = bake(ImportedScene::from(scene.soup.clone()), &options) else { return 0.0 };
     let Mesh { positions, .. } = &asset.mesh;
-    let colors = (0..asset.mesh.face_count()).flat_map(|face| asset.mesh.corner_colors(face)).flatten();
+    let colors =
+        (0..asset.mesh.face_count()).flat_map(|face| asset.mesh.corner_colors(face)).flatten();
     let numbers = positions.iter().flat_map(|p| p.to_array()).chain(colors);
     numbers.filter(|number| !number.is_finite()).count() as f64
 }
@@ -111,7 +113,8 @@ mod tests {
     /// Case of seed 8 among a million: on one axis all positions are the same number, whose shortest text is not exact.
     #[test]
     fn positions_three_million_units_away_come_back() {
-        let axes = [(Axis::Distance, 3_280_510.373_693_166_3), (Axis::Gap, 0.000_383_851_302_724_01)];
+        let axes =
+            [(Axis::Distance, 3_280_510.373_693_166_3), (Axis::Gap, 0.000_383_851_302_724_01)];
         let case = StressCase { seed: 3_221_861_613_712_043, axes: axes.into_iter().collect() };
         let (mesh, _) = StressScene::new(&case).solid();
         let folder = tempfile::tempdir().unwrap();
@@ -128,7 +131,9 @@ mod tests {
         let turned = [Vec3::X, Vec3::Y, Vec3::ZERO].map(|corner| corner.as_dvec3());
         assert!(can_be_drawn(&corners) && is_same(&corners, &turned));
         let [a, b, c] = turned;
-        assert!(!is_same(&corners, &[a, b, c + DVec3::splat(1e-5)]) && !is_same(&corners, &[b, a, c]));
+        assert!(
+            !is_same(&corners, &[a, b, c + DVec3::splat(1e-5)]) && !is_same(&corners, &[b, a, c])
+        );
         assert!(!can_be_drawn(&[Vec3::ZERO, Vec3::X, 2.0 * Vec3::X]));
         assert!(!can_be_drawn(&corners.map(|corner| 2e15 * corner)));
     }

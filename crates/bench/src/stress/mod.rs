@@ -107,7 +107,8 @@ impl PromiseResult {
         self.failures += errors.iter().filter(|error| !(**error <= self.at_most)).count() as u64;
         let largest = errors.iter().copied().fold(0.0, f64::max);
         if largest > self.found {
-            (self.found, self.worst) = (largest, Some(case.clone()));
+            self.found = largest;
+            self.worst = Some(case.clone());
         }
     }
 
@@ -142,9 +143,11 @@ impl Tally {
             }
         }
         if let Stretch::Single(axis) = *stretch {
-            let (row, worst) = (axis.row(), |promise| errors.worst(promise));
+            let row = axis.row();
+            let worst = |promise| errors.worst(promise);
             let part = (row.share(row.least, row.most, case.value(axis)) * PARTS as f64) as usize;
-            let found = [errors.undecided, worst(Promise::WorstFrame), worst(Promise::SolidSamples)];
+            let found =
+                [errors.undecided, worst(Promise::WorstFrame), worst(Promise::SolidSamples)];
             self.singles[axis as usize * PARTS + part.min(PARTS - 1)].push(found);
         }
     }
@@ -153,7 +156,8 @@ impl Tally {
         for (a, b) in self.promises.iter_mut().zip(other.promises) {
             (a.of, a.failures) = (a.of + b.of, a.failures + b.failures);
             if b.found > a.found {
-                (a.found, a.worst) = (b.found, b.worst);
+                a.found = b.found;
+                a.worst = b.worst;
             }
         }
         self.singles.iter_mut().zip(other.singles).for_each(|(a, b)| a.extend(b));
@@ -161,7 +165,8 @@ impl Tally {
 
     fn rows(&self) -> Vec<AxisPart> {
         let part = |(at, found): (usize, &Vec<[f64; 3]>)| {
-            let (row, part) = (&AXES[at / PARTS], at % PARTS);
+            let row = &AXES[at / PARTS];
+            let part = at % PARTS;
             let end = |part: usize| row.between(row.least, row.most, part as f64 / PARTS as f64);
             let sum = |of: usize| found.iter().map(|found| found[of]).sum::<f64>();
             let mut frames: Vec<f64> = found.iter().map(|found| found[1]).collect();
@@ -176,7 +181,12 @@ impl Tally {
                 solid_wrong: sum(2),
             })
         };
-        self.singles.iter().enumerate().filter(|(_, found)| !found.is_empty()).filter_map(part).collect()
+        self.singles
+            .iter()
+            .enumerate()
+            .filter(|(_, found)| !found.is_empty())
+            .filter_map(part)
+            .collect()
     }
 }
 
@@ -205,9 +215,11 @@ fn measure(args: &StressArgs) -> Result<StressReport> {
     let threads = rayon::current_num_threads() as u64;
     let work = |thread: u64| -> Result<Tally> {
         let path = folder.path().join(format!("{thread}.glb"));
-        let (mut draw, mut tally) = (Draw::default(), Tally::default());
+        let mut draw = Draw::default();
+        let mut tally = Tally::default();
         for index in (thread..args.cases).step_by(threads as usize) {
-            let (seed, index) = (args.seed.wrapping_add(index % args.seeds), index / args.seeds);
+            let seed = args.seed.wrapping_add(index % args.seeds);
+            let index = index / args.seeds;
             let random = StressCase::random(seed, index);
             // Cases go through four kinds of stretch in turn: of each kind, one in `KEPT_EVERY` is written.
             let kept = (index / 4).is_multiple_of(KEPT_EVERY).then_some(path.as_path());
@@ -221,7 +233,10 @@ fn measure(args: &StressArgs) -> Result<StressReport> {
         let start = |thread| scope.spawn(move || alone(|| work(thread)));
         let handles: Vec<_> = (0..threads).map(start).collect();
         let panicked = || Error::Incomplete("a case of the stress test ended a thread".to_owned());
-        handles.into_iter().map(|handle| handle.join().unwrap_or_else(|_| Err(panicked()))).collect()
+        handles
+            .into_iter()
+            .map(|handle| handle.join().unwrap_or_else(|_| Err(panicked())))
+            .collect()
     });
     let mut sum = Tally::default();
     for tally in tallies {
@@ -268,7 +283,9 @@ fn replay(case: &StressCase) -> Result<()> {
     let promised = case.is_promised();
     let fails = |row: &&PromiseRow| case.is_on(row.on, promised) && !(worst(row) <= row.at_most);
     PROMISES.iter().find(fails).map_or(Ok(()), |row| {
-        let (name, found, at_most) = (row.name, worst(row), row.at_most);
+        let name = row.name;
+        let found = worst(row);
+        let at_most = row.at_most;
         Err(Error::Incomplete(format!(
             "the case fails the promise \"{name}\": {found:.3e}, at most {at_most:.1e}"
         )))
@@ -287,7 +304,8 @@ fn print(report: &StressReport) {
     eprintln!("axis            from        to  undecided  frames p50      max  wrong samples");
     for row in &report.rows {
         let AxisPart { from, to, frames_p50, frames_max, solid_wrong, .. } = row;
-        let (name, undecided) = (row.axis.row().name, 100.0 * row.undecided);
+        let name = row.axis.row().name;
+        let undecided = 100.0 * row.undecided;
         eprintln!(
             "{name:<12}{from:>8.1e}{to:>10.1e}{undecided:>10.2}%{frames_p50:>12.1e}{frames_max:>9.1e}{solid_wrong:>15}"
         );

@@ -51,7 +51,8 @@ fn a_replay_fails_where_the_case_fails_a_promise_and_text_that_is_no_case_is_tol
     let needle = r#"{"seed": 3, "axes": {"aspect": 1e8, "sigma": 20}}"#;
     let needle = StressCase::parse(needle).unwrap();
     assert!(replay(&needle).is_ok(), "outside the domain nothing is promised of frames");
-    let said = StressCase::parse("{\"seed\": 1, \"axes\": {\"sigmas\": 1}}").unwrap_err().to_string();
+    let said =
+        StressCase::parse("{\"seed\": 1, \"axes\": {\"sigmas\": 1}}").unwrap_err().to_string();
     assert!(said.contains("a case as in") && said.contains("sigmas"), "{said}");
 }
 
@@ -59,13 +60,15 @@ fn a_replay_fails_where_the_case_fails_a_promise_and_text_that_is_no_case_is_tol
 #[test]
 fn promises_hold_on_the_cases_of_the_suite() {
     let now = || std::time::UNIX_EPOCH.elapsed().unwrap().as_secs();
-    let seed = std::env::var("TRISPLAT_STRESS_SEED").map_or_else(|_| now(), |text| text.parse().unwrap());
+    let seed =
+        std::env::var("TRISPLAT_STRESS_SEED").map_or_else(|_| now(), |text| text.parse().unwrap());
     let again = format!("TRISPLAT_STRESS_SEED={seed} repeats this run");
     eprintln!("{again}");
     let report = measure(&StressArgs { seed, seeds: 8, ..args(20_000) }).unwrap();
     print(&report);
     // Times want a machine that does nothing else.
-    let broken: Vec<_> = report.promises.iter().filter(|p| !p.is_kept() && p.name != "time").collect();
+    let broken: Vec<_> =
+        report.promises.iter().filter(|p| !p.is_kept() && p.name != "time").collect();
     assert!(broken.is_empty(), "{again}: {broken:#?}");
     assert!(report.promises.iter().all(|promise| promise.of > 100));
 }
@@ -86,15 +89,20 @@ fn the_docs_state_the_promises_of_the_code() {
         let row = docs.lines().find(|line| line.starts_with(&format!("| `{name}` |")));
         let row = row.unwrap_or_else(|| panic!("no row for {name}"));
         for cell in cells {
-            assert!(row.contains(&format!("| {cell} |")), "the row of {name} does not say {cell}: {row}");
+            assert!(
+                row.contains(&format!("| {cell} |")),
+                "the row of {name} does not say {cell}: {row}"
+            );
         }
     };
     for row in &PROMISES {
-        let at_most = if row.at_most == 0.0 { "0".to_owned() } else { format!("{:e}", row.at_most) };
+        let at_most =
+            if row.at_most == 0.0 { "0".to_owned() } else { format!("{:e}", row.at_most) };
         states(row.name, &[format!("{:?}", row.on).to_lowercase(), at_most]);
     }
-    let number =
-        |x: f64| if (1e-3..1e3).contains(&x) || x == 0.0 { format!("{x:.3}") } else { format!("{x:e}") };
+    let number = |x: f64| {
+        if (1e-3..1e3).contains(&x) || x == 0.0 { format!("{x:.3}") } else { format!("{x:e}") }
+    };
     let number = |x: f64| match number(x) {
         text if text.contains('.') && !text.contains('e') => {
             text.trim_end_matches('0').trim_end_matches('.').to_owned()
@@ -150,9 +158,12 @@ struct Drawn {
 #[test]
 fn what_must_not_change_a_picture_does_not() {
     let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    let (one, several) = (pool(1), pool(THREADS));
+    let one = pool(1);
+    let several = pool(THREADS);
     for (change, at_most) in CHANGES {
-        let (mut differences, mut faces, mut samples) = (Vec::new(), 0, 0);
+        let mut differences = Vec::new();
+        let mut faces = 0;
+        let mut samples = 0;
         for index in 0..30 {
             // Number 3 of every four is drawn from the promises' domain.
             let (case, _) = StressCase::random(7, 4 * index + 3);
@@ -161,8 +172,11 @@ fn what_must_not_change_a_picture_does_not() {
                 // Colours that depend on the direction turn with the scene's axes.
                 scene.soup.truncate_sh(0);
             }
-            let picture =
-                oracle::render(&plain(&scene.soup), &oracle_camera(&scene.camera), &rules(&scene.options));
+            let picture = oracle::render(
+                &plain(&scene.soup),
+                &oracle_camera(&scene.camera),
+                &rules(&scene.options),
+            );
             let pool = if change == Change::Threads { &several } else { &one };
             let before = one.install(|| drawn(&scene, Change::Nothing));
             let after = pool.install(|| drawn(&changed_scene(&scene, &case, change), change));
@@ -178,11 +192,15 @@ fn what_must_not_change_a_picture_does_not() {
             }
         }
         differences.sort_by(f64::total_cmp);
-        let (p999, most) = (differences[differences.len() * 999 / 1000], differences[differences.len() - 1]);
+        let p999 = differences[differences.len() * 999 / 1000];
+        let most = differences[differences.len() - 1];
         assert!(differences.len() > 10_000 && p999 <= at_most, "{change:?}: {p999:e}");
         let exact = [Change::Order, Change::Threads].contains(&change);
         assert!(!exact || most == 0.0, "{change:?}: {most:e}");
-        assert!(faces * 100 < samples, "{change:?}: {faces} of {samples} samples show another face");
+        assert!(
+            faces * 100 < samples,
+            "{change:?}: {faces} of {samples} samples show another face"
+        );
     }
 }
 
@@ -203,9 +221,13 @@ fn changed_scene(scene: &StressScene, case: &StressCase, change: Change) -> Stre
     let rng = Rng::new(case.seed, "stress change", 0);
     let at = |n: u64| rng.uniform_f64(n) * 2.0 - 1.0;
     let axis = DVec3::new(at(0), at(1), at(2)).normalize_or(DVec3::Z);
-    let (rotation, translation) = (scene.camera.rotation.as_dmat3(), scene.camera.translation.as_dvec3());
+    let rotation = scene.camera.rotation.as_dmat3();
+    let translation = scene.camera.translation.as_dvec3();
     let mut place = |world: &dyn Fn(DVec3) -> DVec3| {
-        out.soup.vertices.iter_mut().for_each(|t| *t = t.map(|v: Vec3| world(v.as_dvec3()).as_vec3()));
+        out.soup
+            .vertices
+            .iter_mut()
+            .for_each(|t| *t = t.map(|v: Vec3| world(v.as_dvec3()).as_vec3()));
     };
     match change {
         Change::Rotation => {
@@ -225,7 +247,8 @@ fn changed_scene(scene: &StressScene, case: &StressCase, change: Change) -> Stre
         }
         Change::Order => {
             let k = scene.soup.sh_count();
-            let (soup, from) = (&mut out.soup, &scene.soup);
+            let soup = &mut out.soup;
+            let from = &scene.soup;
             soup.vertices.reverse();
             soup.opacity.reverse();
             soup.sigma.reverse();
@@ -247,7 +270,8 @@ fn drawn(scene: &StressScene, change: Change) -> Drawn {
         Change::Avx2 => SimdLevel::Avx2,
         _ => SimdLevel::Avx512,
     };
-    let (mut soft, mut solid) = (SoftRasterizer::new(), SolidRasterizer::new());
+    let mut soft = SoftRasterizer::new();
+    let mut solid = SolidRasterizer::new();
     let (mesh, solid_options) = scene.solid();
     let (frame, seen) = with_at_most(level, || {
         let frame = soft.render(&SoupRef::from(&scene.soup), &scene.camera, &scene.options);

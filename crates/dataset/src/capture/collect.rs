@@ -104,7 +104,8 @@ pub(super) fn inputs(sources: &Sources, options: &CaptureOptions) -> Result<Vec<
     let files = sources.photos.iter().map(|photo| &photo.path).chain(&sources.videos);
     let about = |path: &PathBuf| {
         let io = |e| Error::io(path, e);
-        let (meta, full) = (std::fs::metadata(path).map_err(io)?, std::fs::canonicalize(path).map_err(io)?);
+        let meta = std::fs::metadata(path).map_err(io)?;
+        let full = std::fs::canonicalize(path).map_err(io)?;
         Ok(format!("{}, {} bytes, {:?}", full.display(), meta.len(), meta.modified().ok()))
     };
     let frames = (!sources.videos.is_empty()).then(|| Ok(format!("{} frames", options.frames)));
@@ -130,10 +131,13 @@ pub(super) fn taken_before(
         drop(FolderLock::take(folder)?);
     }
     match before {
-        Some(before) if before.inputs == inputs && before.photos.iter().all(is_there) => Ok(Some(before)),
+        Some(before) if before.inputs == inputs && before.photos.iter().all(is_there) => {
+            Ok(Some(before))
+        }
         Some(_) if force => {
             let aside = set_aside(folder)?;
-            let (folder, aside) = (folder.display(), aside.display());
+            let folder = folder.display();
+            let aside = aside.display();
             warnings.push(format!("the capture that was in {folder} is in {aside} now"));
             Ok(None)
         }
@@ -177,10 +181,13 @@ pub(super) fn collect(
     observer: StageObserver<'_>,
 ) -> Result<(TakenPhotos, Option<String>)> {
     let made = AtomicFolder::create(folder)?;
-    let (mut opened, mut broken) = (Vec::new(), Vec::new());
+    let mut opened = Vec::new();
+    let mut broken = Vec::new();
     let heic = sources.photos.iter().find(|photo| is_heic(&photo.path));
-    let converter = heic.map(|photo| Converter::find(options, &photo.path, made.path())).transpose()?;
-    let open = |photo: &SourcePhoto| Ok(open(photo, converter.as_ref()).map_err(|e| e.about(&photo.path)));
+    let converter =
+        heic.map(|photo| Converter::find(options, &photo.path, made.path())).transpose()?;
+    let open =
+        |photo: &SourcePhoto| Ok(open(photo, converter.as_ref()).map_err(|e| e.about(&photo.path)));
     let read = in_chunks(&sources.photos, observer, "reading photos", open)?;
     for (source, photo) in sources.photos.iter().zip(read) {
         match photo {
@@ -208,8 +215,11 @@ pub(super) fn collect(
         }));
     }
     let named: Vec<(&Opened, String)> = opened.iter().zip(distinct(&opened, by_folder)).collect();
-    photos.extend(in_chunks(&named, observer, "taking photos", |(photo, name)| photo.save(&made, name))?);
-    let count = |is: &dyn Fn(&Opened) -> bool| opened.iter().filter(|photo| is(photo)).count() as u64;
+    photos.extend(in_chunks(&named, observer, "taking photos", |(photo, name)| {
+        photo.save(&made, name)
+    })?);
+    let count =
+        |is: &dyn Fn(&Opened) -> bool| opened.iter().filter(|photo| is(photo)).count() as u64;
     details.photos = photos.len() as u64;
     details.turned = count(&|photo| photo.notes.orientation > 1);
     details.converted = count(&Opened::is_converted);
@@ -235,12 +245,17 @@ fn left_out(
     skip_broken: bool,
 ) -> Result<Option<String>> {
     let Some((photo, first)) = broken.first() else { return Ok(None) };
-    let (count, total) = (broken.len(), sources.photos.len());
-    let broken = format!("{count} of {total} photos {}", if count == 1 { "is broken" } else { "are broken" });
+    let count = broken.len();
+    let total = sources.photos.len();
+    let broken = format!(
+        "{count} of {total} photos {}",
+        if count == 1 { "is broken" } else { "are broken" }
+    );
     if skip_broken && (count < total || !sources.videos.is_empty()) {
         return Ok(Some(format!("{broken} and left out, first {first}")));
     }
-    let reason = format!("{first}; {broken}: repair or remove them, or skip them with `skip_broken`");
+    let reason =
+        format!("{first}; {broken}: repair or remove them, or skip them with `skip_broken`");
     Err(Error::malformed(photo.path.parent().unwrap_or(&photo.path), "photos", reason))
 }
 
@@ -263,8 +278,10 @@ fn in_chunks<A: Sync, B: Send>(
 
 /// Reads a photo's size and EXIF; of a HEIC photo, what the converter makes of it.
 fn open(photo: &SourcePhoto, converter: Option<&Converter>) -> Result<Opened> {
-    let (limits, converter) = (&Limits::DEFAULT, converter.filter(|_| is_heic(&photo.path)));
-    let (mut source, mut file) = (photo.clone(), photo.path.clone());
+    let limits = &Limits::DEFAULT;
+    let converter = converter.filter(|_| is_heic(&photo.path));
+    let mut source = photo.clone();
+    let mut file = photo.path.clone();
     if let Some(converter) = converter {
         file = converter.convert(&photo.path)?;
         let stem = photo.name.rsplit_once('.').map_or(photo.name.as_str(), |(stem, _)| stem);
@@ -300,7 +317,11 @@ fn is_plain(bytes: &[u8]) -> bool {
     match is_jpeg(bytes) {
         true => {
             let mut decoder = jpeg_decoder::Decoder::new(bytes);
-            let format = decoder.read_info().ok().and_then(|()| decoder.info()).map(|info| info.pixel_format);
+            let format = decoder
+                .read_info()
+                .ok()
+                .and_then(|()| decoder.info())
+                .map(|info| info.pixel_format);
             matches!(format, Some(jpeg_decoder::PixelFormat::RGB24 | jpeg_decoder::PixelFormat::L8))
         }
         false => bytes.starts_with(PNG) && bytes.get(PNG_BITS) == Some(&8),
@@ -381,7 +402,8 @@ fn distinct(photos: &[Opened], by_folder: bool) -> Vec<String> {
 /// Folder name for a video's frames: no other video has it, also where upper and lower case are one, and none of the photos' `groups`.
 fn video_folder(video: &Path, before: &[TakenPhoto], groups: &BTreeSet<String>) -> String {
     // A list of pairs separates names by spaces.
-    let stem = video.file_stem().unwrap_or_default().to_string_lossy().replace(char::is_whitespace, "_");
+    let stem =
+        video.file_stem().unwrap_or_default().to_string_lossy().replace(char::is_whitespace, "_");
     let stem = safe_name(&stem);
     let taken = |name: &str| {
         let name = name.to_lowercase();
@@ -405,11 +427,18 @@ mod tests {
             file: PathBuf::new(),
             notes: PhotoNotes::default(),
             size: UVec2::ONE,
-            change: if name.contains('w') || name.contains('f') { Change::Converted } else { Change::Copied },
+            change: if name.contains('w') || name.contains('f') {
+                Change::Converted
+            } else {
+                Change::Copied
+            },
             is_jpeg: false,
         });
         let names = distinct(&opened, false);
-        assert_eq!(names, ["A.png", "a-2.PNG", "b-2.PNG", "a.jpg", "a.webp.png", "a.tif.png", "b.c/d.png"]);
+        assert_eq!(
+            names,
+            ["A.png", "a-2.PNG", "b-2.PNG", "a.jpg", "a.webp.png", "a.tif.png", "b.c/d.png"]
+        );
     }
 
     #[test]
@@ -417,13 +446,17 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let photos = folder.path().join("photos");
         std::fs::create_dir(&photos).unwrap();
-        let picture = RgbImage { size: UVec2::splat(64), rgb: vec![[200, 90, 30]; 64 * 64], alpha: None };
+        let picture =
+            RgbImage { size: UVec2::splat(64), rgb: vec![[200, 90, 30]; 64 * 64], alpha: None };
         let jpeg = picture.to_jpeg(90).unwrap();
-        for (name, bytes) in [("a.jpg", &jpeg[..]), ("b.jpg", &jpeg[..jpeg.len() / 2]), ("c.jpg", &[])] {
+        for (name, bytes) in
+            [("a.jpg", &jpeg[..]), ("b.jpg", &jpeg[..jpeg.len() / 2]), ("c.jpg", &[])]
+        {
             std::fs::write(photos.join(name), bytes).unwrap();
         }
         let sources = Sources::find(std::slice::from_ref(&photos)).unwrap();
-        let (out, options) = (folder.path().join("out"), CaptureOptions::default());
+        let out = folder.path().join("out");
+        let options = CaptureOptions::default();
         let taken = |skip_broken: bool| {
             let how = (out.as_path(), &options, skip_broken);
             collect(&sources, Vec::new(), how, &mut PhotosDetails::default(), &mut |_| {
@@ -437,15 +470,22 @@ mod tests {
         );
         let (taken, warning) = taken(true).unwrap();
         assert_eq!((taken.photos.len(), taken.photos[0].name.as_str()), (1, "a.jpg"));
-        assert!(warning.is_some_and(|warning| warning.contains("2 of 3 photos are broken and left out")));
+        assert!(
+            warning
+                .is_some_and(|warning| warning.contains("2 of 3 photos are broken and left out"))
+        );
     }
 
     #[test]
     fn no_video_shares_a_folder_with_another_or_with_photos() {
         let before = TakenPhoto { name: "Walk/frame_000001.jpg".into(), ..TakenPhoto::default() };
         let groups = BTreeSet::from(["640x480".to_owned()]);
-        let folder = |video: &str| video_folder(Path::new(video), std::slice::from_ref(&before), &groups);
-        assert_eq!(["b/walk.mov", "640x480.mp4", "c.mp4"].map(folder), ["walk-2", "640x480-2", "c"]);
+        let folder =
+            |video: &str| video_folder(Path::new(video), std::slice::from_ref(&before), &groups);
+        assert_eq!(
+            ["b/walk.mov", "640x480.mp4", "c.mp4"].map(folder),
+            ["walk-2", "640x480-2", "c"]
+        );
         assert_eq!(["...mp4", "a\\..\\b c.mov", "-x.mp4"].map(folder), ["_", "a_.._b_c", "_x"]);
     }
 }

@@ -81,7 +81,9 @@ impl Converter {
         let at = |ending: &str| self.folder.path().join(format!("{number}.{ending}"));
         // Under a name that no program takes for an option, a pattern or a protocol.
         let ending = photo.extension().unwrap_or_default().to_string_lossy();
-        let (from, to, log) = (at(&ending), at("jpg"), at("log"));
+        let from = at(&ending);
+        let to = at("jpg");
+        let log = at("log");
         input::copy(photo, &from)?;
         let names = [format!("{number}.{ending}"), format!("{number}.jpg")];
         let mut command = program(&self.program);
@@ -96,8 +98,10 @@ impl Converter {
             return Ok(to);
         }
         let text = std::fs::read_to_string(&log).unwrap_or_default();
-        let said = text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("and says nothing").trim();
-        let reason = format!("cannot be converted: {} ended with {status}: {said}", self.program.display());
+        let said =
+            text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("and says nothing").trim();
+        let reason =
+            format!("cannot be converted: {} ended with {status}: {said}", self.program.display());
         Err(Error::malformed(photo, "HEIC", reason))
     }
 
@@ -105,8 +109,7 @@ impl Converter {
     pub(super) fn check(&self, photo: &Path, whole: Option<UVec2>, size: UVec2) -> Result<()> {
         let is_part = whole.is_some_and(|whole| whole.max_element() > size.max_element());
         if is_part && self.program == Path::new(FFMPEG) {
-            let reason =
-                "is read only in part by this ffmpeg; install libheif (`heif-convert`) or a newer ffmpeg";
+            let reason = "is read only in part by this ffmpeg; install libheif (`heif-convert`) or a newer ffmpeg";
             return Err(Error::unsupported(photo, reason));
         }
         Ok(())

@@ -50,7 +50,8 @@ impl Log {
     /// Errors: a program that another run started for this log is still running.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let lock = locked(&path.with_extension("lock"))?;
-        let file = File::options().create(true).append(true).open(path).map_err(|e| Error::io(path, e))?;
+        let file =
+            File::options().create(true).append(true).open(path).map_err(|e| Error::io(path, e))?;
         Ok(Self { path: path.to_owned(), file, lock })
     }
 
@@ -107,7 +108,9 @@ impl Log {
         let name = command.get_program().to_string_lossy().into_owned();
         let telling = |line: &&String| {
             let lower = line.to_lowercase();
-            ["error", "fail", "cannot", "could not", "invalid", "not found"].iter().any(|w| lower.contains(w))
+            ["error", "fail", "cannot", "could not", "invalid", "not found"]
+                .iter()
+                .any(|w| lower.contains(w))
         };
         let line = ended.said.iter().rev().find(telling).or(ended.said.last());
         let last = line.map_or(String::new(), |line| format!(": {}", line.trim()));
@@ -125,7 +128,12 @@ impl Log {
         let io = |e| Error::io(&self.path, e);
         let mut file = File::open(&self.path).map_err(io)?;
         file.seek(SeekFrom::End(0)).map_err(io)?;
-        Ok(Tail { path: self.path.clone(), file: BufReader::new(file), line: Vec::new(), said: Vec::new() })
+        Ok(Tail {
+            path: self.path.clone(),
+            file: BufReader::new(file),
+            line: Vec::new(),
+            said: Vec::new(),
+        })
     }
 
     fn start(&self, command: &mut Command) -> Result<Running> {
@@ -190,8 +198,7 @@ fn locked(path: &Path) -> Result<File> {
         match file.try_lock() {
             Err(TryLockError::WouldBlock) if began.elapsed() < PATIENCE => std::thread::sleep(TICK),
             Err(TryLockError::WouldBlock) => {
-                let why =
-                    "a program that an earlier run has started still works here; wait for it, or end it";
+                let why = "a program that an earlier run has started still works here; wait for it, or end it";
                 return Err(io(io::Error::new(io::ErrorKind::ResourceBusy, why)));
             }
             // Without locks nothing is worse than before.
@@ -259,9 +266,11 @@ mod tests {
         let mut log = Log::open(&folder.path().join("a.log")).unwrap();
         let bytes = 4_000_000;
         let long = format!("head -c {bytes} /dev/zero | tr '\\0' x");
-        let (mut longest, mut sum) = (0, 0);
+        let mut longest = 0;
+        let mut sum = 0;
         let ended = log.run(&mut printing(&long), &mut |_| Continue(()), |line, _| {
-            (longest, sum) = (longest.max(line.len()), sum + line.len());
+            longest = longest.max(line.len());
+            sum = sum + line.len();
             Ok(())
         });
         assert!(ended.unwrap().status.success());
@@ -272,7 +281,8 @@ mod tests {
             drop(io::copy(from, &mut io::sink()));
             Ok(())
         };
-        let failed = log.stream(&mut printing(&format!("({long}; echo; echo it failed) >&2; exit 1")), read);
+        let failed =
+            log.stream(&mut printing(&format!("({long}; echo; echo it failed) >&2; exit 1")), read);
         let error = failed.unwrap_err().to_string();
         assert!(error.contains(": it failed; this is its log"), "{error}");
         assert!(std::fs::metadata(&log.path).unwrap().len() > 2 * bytes as u64);

@@ -16,7 +16,8 @@ use trisplat_scene::{Error, Limits, Result, input};
 /// Files of a model.
 const MODEL_FILES: [&str; 5] = ["cameras", "images", "points3D", "rigs", "frames"];
 /// What features are found in; it becomes the database when all are found.
-const UNFINISHED: [&str; 4] = ["features.db", "features.db-shm", "features.db-wal", "features.db-journal"];
+const UNFINISHED: [&str; 4] =
+    ["features.db", "features.db-shm", "features.db-wal", "features.db-journal"];
 /// Most photos that are compared exhaustively if there is another way.
 const MOST_EXHAUSTIVE: usize = 150;
 /// Number of following frames that a frame is compared with, besides those 16, 32, 64, ... frames later.
@@ -107,7 +108,10 @@ pub(super) fn model_before(
     let mut best = ModelDetails { photos: photos.photos.len() as u64, ..ModelDetails::default() };
     for mapper in [Mapper::Incremental, Mapper::Global] {
         let found = largest(&models.join(mapper.name()), mapper, photos)?;
-        best = found.map(|model| model.details).filter(|d| d.registered > best.registered).unwrap_or(best);
+        best = found
+            .map(|model| model.details)
+            .filter(|d| d.registered > best.registered)
+            .unwrap_or(best);
     }
     Ok(best)
 }
@@ -143,7 +147,10 @@ impl<'a> Poses<'a> {
         let known = self.photos.focal_px.zip(self.photos.size);
         let known = known.map(|(f, [w, h])| [f, f64::from(w) / 2.0, f64::from(h) / 2.0]);
         let cameras = Cameras { by_folder: self.photos.by_folder, known };
-        *details = FeaturesDetails { program: self.program.version.clone(), focal_px: self.photos.focal_px };
+        *details = FeaturesDetails {
+            program: self.program.version.clone(),
+            focal_px: self.photos.focal_px,
+        };
         if self.places.database.is_file() {
             return Ok(false);
         }
@@ -156,7 +163,8 @@ impl<'a> Poses<'a> {
         self.on_card_or_cpu(observer, |program| program.features(&places, &cameras))?;
         // The database last: it tells that all are found.
         for name in UNFINISHED.iter().rev().filter(|name| work.join(name).exists()) {
-            let (from, to) = (work.join(name), work.join(name.replace("features", "database")));
+            let from = work.join(name);
+            let to = work.join(name.replace("features", "database"));
             std::fs::rename(&from, to).map_err(|e| Error::io(from, e))?;
         }
         Ok(true)
@@ -186,7 +194,8 @@ impl<'a> Poses<'a> {
 
     fn write_pairs(&self, pairs: &BTreeSet<(usize, usize)>) -> Result<()> {
         let name = |i: usize| &self.photos.photos[i].name;
-        let text: String = pairs.iter().map(|&(a, b)| format!("{} {}\n", name(a), name(b))).collect();
+        let text: String =
+            pairs.iter().map(|&(a, b)| format!("{} {}\n", name(a), name(b))).collect();
         std::fs::write(&self.places.pairs, text).map_err(|e| Error::io(&self.places.pairs, e))
     }
 
@@ -210,7 +219,10 @@ impl<'a> Poses<'a> {
         if !self.program.has_gpu {
             return Err(self.log.failure(&first, &ended));
         }
-        tell(observer, StageEvent::Noted(&format!("again without the graphics card: {photos} photos")))?;
+        tell(
+            observer,
+            StageEvent::Noted(&format!("again without the graphics card: {photos} photos")),
+        )?;
         self.program.has_gpu = false;
         self.log.run_well(&mut command(&self.program), observer, hear)
     }
@@ -220,21 +232,24 @@ impl<'a> Poses<'a> {
         let can = self.program.global.is_some();
         let asked = self.options.mapper;
         if asked == Mapper::Global && !can {
-            let wants =
-                "incremental: this program has no global mapper (COLMAP 4, pycolmap 4 and glomap have)";
+            let wants = "incremental: this program has no global mapper (COLMAP 4, pycolmap 4 and glomap have)";
             return Err(Error::invalid("mapper", "global", wants));
         }
-        let (mut best, mut failed) = (None, None);
+        let mut best = None;
+        let mut failed = None;
         for mapper in [Mapper::Incremental, Mapper::Global] {
-            if asked == mapper || (asked == Mapper::Auto && (mapper == Mapper::Incremental || can)) {
+            if asked == mapper || (asked == Mapper::Auto && (mapper == Mapper::Incremental || can))
+            {
                 let (model, error) = self.mapped(mapper, observer)?;
-                let registered = |found: &Option<FoundModel>| found.as_ref().map(|m| m.details.registered);
+                let registered =
+                    |found: &Option<FoundModel>| found.as_ref().map(|m| m.details.registered);
                 // Ties: the first.
                 if registered(&model) > registered(&best) {
                     best = model;
                 }
                 failed = failed.or(error);
-                if registered(&best).unwrap_or(0) as f64 >= ENOUGH * self.photos.photos.len() as f64 {
+                if registered(&best).unwrap_or(0) as f64 >= ENOUGH * self.photos.photos.len() as f64
+                {
                     break;
                 }
             }
@@ -247,7 +262,9 @@ impl<'a> Poses<'a> {
     /// Copies a model to the place where data sets have it.
     fn publish(&self, from: &Path) -> Result<()> {
         let made = AtomicFolder::create(self.folder)?;
-        for name in MODEL_FILES.iter().flat_map(|name| ["bin", "txt"].map(|e| format!("{name}.{e}"))) {
+        for name in
+            MODEL_FILES.iter().flat_map(|name| ["bin", "txt"].map(|e| format!("{name}.{e}")))
+        {
             let from = from.join(&name);
             if from.is_file() {
                 input::copy(&from, &made.place(Path::new("sparse/0").join(name))?)?;
@@ -273,7 +290,10 @@ impl<'a> Poses<'a> {
         let ended: Ended = self.log.run(&mut command, observer, |line, observer| {
             let Some(registered) = registered(line) else { return Ok(()) };
             tell(observer, StageEvent::Progressed(registered as f64 / photos.max(1) as f64))?;
-            tell(observer, StageEvent::Noted(&format!("{registered} of {photos} photos have a pose")))
+            tell(
+                observer,
+                StageEvent::Noted(&format!("{registered} of {photos} photos have a pose")),
+            )
         })?;
         let model = largest(&output, mapper, self.photos)?;
         // COLMAP exits with an error if photos do not fit together.
@@ -292,7 +312,10 @@ impl<'a> Poses<'a> {
 }
 
 /// The pairing, and its list of pairs if it has one.
-fn pairing(photos: &TakenPhotos, tree: Option<PathBuf>) -> (Pairing, Option<BTreeSet<(usize, usize)>>) {
+fn pairing(
+    photos: &TakenPhotos,
+    tree: Option<PathBuf>,
+) -> (Pairing, Option<BTreeSet<(usize, usize)>>) {
     let photos = &photos.photos;
     if photos.iter().all(|photo| photo.frame) {
         return (Pairing::Listed, Some(sequence_pairs(photos.len())));
@@ -312,7 +335,8 @@ fn largest(output: &Path, mapper: Mapper, photos: &TakenPhotos) -> Result<Option
         Ok((files.model(&Limits::DEFAULT, false)?.images.len(), folder))
     };
     let models = models.map(registered).collect::<Result<Vec<(usize, PathBuf)>>>()?;
-    let (count, photos) = (models.len() as u64, photos.photos.len() as u64);
+    let count = models.len() as u64;
+    let photos = photos.photos.len() as u64;
     let best = models.into_iter().rev().max_by_key(|(registered, _)| *registered);
     Ok(best.map(|(registered, folder)| {
         let mapper = mapper.name().to_owned();
@@ -325,7 +349,9 @@ fn largest(output: &Path, mapper: Mapper, photos: &TakenPhotos) -> Result<Option
 
 /// Pairs of `count` video frames to compare: neighbours, powers of two apart, and all pairs of landmarks.
 fn sequence_pairs(count: usize) -> BTreeSet<(usize, usize)> {
-    let near = |a: usize| (1..=NEIGHBOURS).chain((4..20).map(|power| 1 << power)).map(move |by| (a, a + by));
+    let near = |a: usize| {
+        (1..=NEIGHBOURS).chain((4..20).map(|power| 1 << power)).map(move |by| (a, a + by))
+    };
     let stride = count.div_ceil(LANDMARKS).max(1);
     let landmarks = move || (0..count).step_by(stride);
     let far = landmarks().flat_map(|a| landmarks().filter(move |b| *b > a).map(move |b| (a, b)));
@@ -347,7 +373,9 @@ fn counted(line: &str) -> Option<(u64, u64)> {
         .collect::<Option<_>>()?;
     match parts[..] {
         [(done, all)] => Some((done, all)),
-        [(row, rows), (column, columns)] => Some(((row.max(1) - 1) * columns + column, rows * columns)),
+        [(row, rows), (column, columns)] => {
+            Some(((row.max(1) - 1) * columns + column, rows * columns))
+        }
         _ => None,
     }
 }
@@ -365,7 +393,10 @@ mod tests {
 
     #[test]
     fn lines_of_several_versions_say_how_far_it_is() {
-        assert_eq!(counted("I2026 feature_extraction.cc:270] Processed file [3/50]"), Some((3, 50)));
+        assert_eq!(
+            counted("I2026 feature_extraction.cc:270] Processed file [3/50]"),
+            Some((3, 50))
+        );
         assert_eq!(counted("Matching block [2/4, 1/4] in 2.6s"), Some((5, 16)));
         assert_eq!(counted("Matching block [7/9]"), Some((7, 9)));
         assert_eq!(counted("Name: [1/2]"), None);

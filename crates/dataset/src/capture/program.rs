@@ -103,7 +103,8 @@ impl Program {
         let own = text.contains("global_mapper").then_some(Global::Own);
         let glomap = || said(program(GLOMAP.as_ref()).arg("-h")).map(|_| Global::Glomap);
         let threads = parallel::threads();
-        let (global, has_gpu) = (own.or_else(glomap), !text.contains("without CUDA"));
+        let global = own.or_else(glomap);
+        let has_gpu = !text.contains("without CUDA");
         Some(Self { kind: Kind::Colmap, path: path.to_owned(), version, has_gpu, global, threads })
     }
 
@@ -115,13 +116,21 @@ impl Program {
         let version = format!("{} {}", words[0], words.get(1).unwrap_or(&""));
         let global = words.contains(&"global").then_some(Global::Own);
         let threads = parallel::threads();
-        Some(Self { kind: Kind::Pycolmap, path: path.to_owned(), version, has_gpu: false, global, threads })
+        Some(Self {
+            kind: Kind::Pycolmap,
+            path: path.to_owned(),
+            version,
+            has_gpu: false,
+            global,
+            threads,
+        })
     }
 
     /// The command that finds features in the photos.
     pub(super) fn features(&self, places: &Places, cameras: &Cameras) -> Command {
         let [f, x, y] = cameras.known.unwrap_or_default();
-        let params = if cameras.known.is_some() { format!("{f:.3},{x},{y},0") } else { String::new() };
+        let params =
+            if cameras.known.is_some() { format!("{f:.3},{x},{y},0") } else { String::new() };
         if self.kind == Kind::Pycolmap {
             return self.script(json!({
                 "step": "features", "database": places.database, "images": places.images, "params": params,
@@ -252,7 +261,11 @@ fn is_python(path: &Path) -> bool {
 
 /// The Python that was named, and those of this shell.
 pub(super) fn pythons(options: &CaptureOptions) -> Vec<PathBuf> {
-    named(options).filter(|path| is_python(path)).into_iter().chain(PYTHONS.map(PathBuf::from)).collect()
+    named(options)
+        .filter(|path| is_python(path))
+        .into_iter()
+        .chain(PYTHONS.map(PathBuf::from))
+        .collect()
 }
 
 /// Complete a script so that it imports nothing from the folder where Python runs.

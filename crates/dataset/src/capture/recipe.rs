@@ -15,7 +15,9 @@ use crate::colmap::tracks;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use trisplat_scene::atomic::lies_inside;
-use trisplat_scene::report::{Counts, Report, StageDetails, StageEvent, StageObserver, StageReport, to_json};
+use trisplat_scene::report::{
+    Counts, Report, StageDetails, StageEvent, StageObserver, StageReport, to_json,
+};
 use trisplat_scene::{Error, Limits, Result};
 
 /// Why a finished step is skipped.
@@ -41,8 +43,17 @@ pub struct Capture {
 impl Capture {
     /// A capture of `inputs` into `folder` with default options.
     pub fn new(inputs: impl IntoIterator<Item = PathBuf>, folder: PathBuf) -> Self {
-        let (options, force, skip_broken) = (CaptureOptions::default(), false, false);
-        Self { inputs: inputs.into_iter().collect(), folder, options, force, skip_broken, least_photos: 1 }
+        let options = CaptureOptions::default();
+        let force = false;
+        let skip_broken = false;
+        Self {
+            inputs: inputs.into_iter().collect(),
+            folder,
+            options,
+            force,
+            skip_broken,
+            least_photos: 1,
+        }
     }
 
     /// Makes the data set and adds its steps to `report`. Returns the verdict, or `None` if `observer` stopped it: the next run
@@ -50,7 +61,11 @@ impl Capture {
     ///
     /// Errors: unreadable inputs; no pose program, or one that fails; photos that do not fit together; a folder that holds
     /// something else.
-    pub fn run(&self, report: &mut Report, observer: StageObserver<'_>) -> Result<Option<VerdictDetails>> {
+    pub fn run(
+        &self,
+        report: &mut Report,
+        observer: StageObserver<'_>,
+    ) -> Result<Option<VerdictDetails>> {
         match (Run { job: self, report, observer }).all() {
             Err(Error::Stopped { .. }) => Ok(None),
             done => done.map(Some),
@@ -90,11 +105,15 @@ impl Run<'_> {
         run: impl FnOnce(&mut Self, &mut D) -> Result<(T, Option<&'static str>)>,
     ) -> Result<T> {
         tell(self.observer, StageEvent::Started(D::STAGE))?;
-        let (clock, mut details) = (Instant::now(), D::default());
+        let clock = Instant::now();
+        let mut details = D::default();
         let (value, skipped) = run(self, &mut details)?;
-        let (before, after) = (Counts::default(), Counts::default());
-        let (name, skipped) = (D::STAGE.to_owned(), skipped.map(str::to_owned));
-        let (seconds, details) = (clock.elapsed().as_secs_f64(), to_json(&details));
+        let before = Counts::default();
+        let after = Counts::default();
+        let name = D::STAGE.to_owned();
+        let skipped = skipped.map(str::to_owned);
+        let seconds = clock.elapsed().as_secs_f64();
+        let details = to_json(&details);
         let stage = StageReport { name, seconds, before, after, skipped, details };
         let told = tell(self.observer, StageEvent::Finished(&stage));
         self.report.stages.push(stage);
@@ -104,7 +123,8 @@ impl Run<'_> {
     fn photos(&mut self, sources: &Sources) -> Result<TakenPhotos> {
         let job = self.job;
         let inputs = collect::inputs(sources, &job.options)?;
-        let before = collect::taken_before(&job.folder, &inputs, job.force, &mut self.report.warnings)?;
+        let before =
+            collect::taken_before(&job.folder, &inputs, job.force, &mut self.report.warnings)?;
         self.stage(|run, details: &mut PhotosDetails| {
             if let Some(before) = before {
                 details.photos = before.photos.len() as u64;

@@ -54,8 +54,9 @@ impl Sources {
                 false if !meta.is_file() => input::open(input, &Limits::DEFAULT).map(drop)?,
                 false => {
                     if !found.add(input, safe_name(&file_name(input)))? {
-                        let is_zip =
-                            input.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("zip"));
+                        let is_zip = input
+                            .extension()
+                            .is_some_and(|ending| ending.eq_ignore_ascii_case("zip"));
                         let reason = match is_zip {
                             true => "is a zip archive; unpack it, and give the folder",
                             false => {
@@ -73,14 +74,16 @@ impl Sources {
             return Err(Error::unsupported(input, reason));
         }
         if let [first, ..] = &found.again[..] {
-            let (count, first) = (found.again.len(), first.display());
+            let count = found.again.len();
+            let first = first.display();
             found.warnings.push(format!(
                 "{count} names are links to files or folders that were taken already, and left out, first {first}"
             ));
         }
         found.photos.sort_by(|a, b| a.name.cmp(&b.name));
         if let Some(pair) = found.photos.windows(2).find(|pair| pair[0].name == pair[1].name) {
-            let reason = format!("has the name of {}; rename one of the two", pair[0].path.display());
+            let reason =
+                format!("has the name of {}; rename one of the two", pair[0].path.display());
             return Err(Error::unsupported(&pair[1].path, reason));
         }
         Ok(found)
@@ -100,7 +103,8 @@ impl Sources {
     pub(super) fn places(&self, inputs: &[PathBuf]) -> Vec<PathBuf> {
         let files = || self.photos.iter().map(|photo| &photo.path).chain(&self.videos);
         let folders: BTreeSet<&Path> = files().filter_map(|path| path.parent()).collect();
-        let found = |folder: &&Path| inputs.iter().any(|input| input.is_dir() && folder.starts_with(input));
+        let found =
+            |folder: &&Path| inputs.iter().any(|input| input.is_dir() && folder.starts_with(input));
         let folders = folders.into_iter().filter(found).map(Path::to_owned);
         folders.chain(files().filter(|path| path.is_symlink()).cloned()).collect()
     }
@@ -125,7 +129,8 @@ impl Sources {
             return Ok(());
         }
         let entries = std::fs::read_dir(folder).map_err(io)?.collect::<std::io::Result<Vec<_>>>();
-        let mut paths: Vec<PathBuf> = entries.map_err(io)?.into_iter().map(|entry| entry.path()).collect();
+        let mut paths: Vec<PathBuf> =
+            entries.map_err(io)?.into_iter().map(|entry| entry.path()).collect();
         // Files and folders before links to them, which may have any name.
         paths.sort_by_cached_key(|path| (path.is_symlink(), path.clone()));
         for path in paths {
@@ -230,7 +235,9 @@ mod tests {
             std::fs::write(at(name), "").unwrap();
         }
         // Two links to the folder itself have no end, one to a file and one to a folder come before what they name.
-        for (to, link) in [("in", "in/x"), ("in", "in/y"), ("in/b.jpg", "in/a.jpg"), ("in/more", "in/a")] {
+        for (to, link) in
+            [("in", "in/x"), ("in", "in/y"), ("in/b.jpg", "in/a.jpg"), ("in/more", "in/a")]
+        {
             symlink(at(to), at(link)).unwrap();
         }
         let found = Sources::find(&[at("in"), at("in/more/c.jpg")]).unwrap();

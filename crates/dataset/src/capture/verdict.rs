@@ -72,13 +72,17 @@ trisplat_scene::stage!(VerdictDetails, "verdict");
 impl VerdictDetails {
     /// Why no training helps: too few points tie the photos together.
     pub fn hopeless(&self) -> Option<String> {
-        let ties = || format!("{} tie {}", counted(self.points, "point"), counted(self.registered, "photo"));
+        let ties = || {
+            format!("{} tie {}", counted(self.points, "point"), counted(self.registered, "photo"))
+        };
         (self.points < LEAST_TIES * self.registered).then(ties)
     }
 }
 
 /// Grade of a capture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
     /// No problem found.
@@ -136,7 +140,8 @@ pub(super) fn judge(
     let mut looked = Vec::new();
     for chunk in stored.photos.chunks(8) {
         tell(observer, StageEvent::Progressed(looked.len() as f64 / stored.photos.len() as f64))?;
-        let look_at = |name: &str| look(&images.join(name), by_name.get(name).map(|&i| &tracks.photos[i]));
+        let look_at =
+            |name: &str| look(&images.join(name), by_name.get(name).map(|&i| &tracks.photos[i]));
         let part = parallel::map(chunk, |_, photo| look_at(&photo.name));
         looked.extend(part.into_iter().collect::<Result<Vec<Looked>>>()?);
     }
@@ -170,7 +175,8 @@ fn listed<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
 fn spread(lights: &[Vec<Light>], names: &[&str], tracks: &Tracks) -> Option<f32> {
     let sizes: HashMap<&str, UVec2> =
         tracks.photos.iter().map(|photo| (photo.name.as_str(), photo.size)).collect();
-    let sizes: Vec<UVec2> = names.iter().map(|name| sizes.get(name).copied().unwrap_or(UVec2::ONE)).collect();
+    let sizes: Vec<UVec2> =
+        names.iter().map(|name| sizes.get(name).copied().unwrap_or(UVec2::ONE)).collect();
     let verdict = solve(lights, &sizes).verdict(Strengths::NONE);
     let known = names.len() as u64 - verdict.unknown;
     (known >= MIN_COMPARED).then_some(verdict.exposure)
@@ -183,10 +189,12 @@ fn look(path: &Path, tracked: Option<&TrackedPhoto>) -> Result<Looked> {
     let ratio = (f64::from(LOOKED_AT) / f64::from(full.max_element())).min(1.0);
     let least = (full.as_dvec2() * ratio).round().as_uvec2().max(UVec2::ONE);
     let small = RgbImage::load_reduced(path, least, limits)?.0.downscaled(least);
-    let luma = |[r, g, b]: [u8; 3]| (u32::from(r) * 54 + u32::from(g) * 183 + u32::from(b) * 19) >> 8;
+    let luma =
+        |[r, g, b]: [u8; 3]| (u32::from(r) * 54 + u32::from(g) * 183 + u32::from(b) * 19) >> 8;
     let codes: Vec<u8> = small.rgb.iter().map(|p| luma(*p).min(255) as u8).collect();
     let grey = Grey { size: small.size, codes };
-    let share = |photo: &TrackedPhoto, (point, at): &(u32, Vec2)| (*point, *at / photo.size.as_vec2());
+    let share =
+        |photo: &TrackedPhoto, (point, at): &(u32, Vec2)| (*point, *at / photo.size.as_vec2());
     let points = |photo: &TrackedPhoto| photo.seen.iter().map(|seen| share(photo, seen)).collect();
     let points: Vec<(u32, Vec2)> = tracked.map_or(Vec::new(), points);
     let lights = Light::at_points(&small.downscaled(compared_size(full)), &points);
@@ -196,7 +204,8 @@ fn look(path: &Path, tracked: Option<&TrackedPhoto>) -> Result<Looked> {
 /// Photos with much less fine detail than their neighbours.
 fn blurred(sharpness: &[f32]) -> Vec<usize> {
     let is_blurred = |&i: &usize| {
-        let (from, to) = (i.saturating_sub(BESIDE), (i + BESIDE + 1).min(sharpness.len()));
+        let from = i.saturating_sub(BESIDE);
+        let to = (i + BESIDE + 1).min(sharpness.len());
         let mut beside: Vec<f32> = (from..to).filter(|&k| k != i).map(|k| sharpness[k]).collect();
         beside.sort_by(f32::total_cmp);
         beside.get(beside.len() / 2).is_some_and(|middle| sharpness[i] < BLURRED * middle)
@@ -223,10 +232,12 @@ fn gaps(stored: &TakenPhotos, tracks: &Tracks, by_name: &HashMap<&str, usize>) -
         };
         let loose = last.is_some_and(|last| {
             let before = by_name.get(stored.photos[last].name.as_str());
-            let frames = stored.photos[i].frame && stored.photos[last].source == stored.photos[i].source;
+            let frames =
+                stored.photos[i].frame && stored.photos[last].source == stored.photos[i].source;
             frames
-                && before
-                    .is_some_and(|&before| shared(&tracks.photos[before], &tracks.photos[here]) < FEW_SHARED)
+                && before.is_some_and(|&before| {
+                    shared(&tracks.photos[before], &tracks.photos[here]) < FEW_SHARED
+                })
         });
         if !lost.is_empty() || loose {
             gaps.push(gap(last, Some(i), &lost));
@@ -254,7 +265,11 @@ fn word(details: &VerdictDetails) -> Verdict {
     let many_blurred = 10 * details.blurred.len() as u64 > details.photos;
     if share < REGISTERED[1] || error > ERROR_PX[1] || details.hopeless().is_some() {
         Verdict::Poor
-    } else if share < REGISTERED[0] || error > ERROR_PX[0] || many_blurred || !details.advice.is_empty() {
+    } else if share < REGISTERED[0]
+        || error > ERROR_PX[0]
+        || many_blurred
+        || !details.advice.is_empty()
+    {
         Verdict::Fair
     } else {
         Verdict::Good
@@ -291,7 +306,12 @@ fn advice(details: &VerdictDetails, model: &ModelDetails) -> Vec<String> {
             count => advice.push(format!("{count} photos {several} {what} ({named}): {remedy}")),
         }
     };
-    of_photos(&details.weak, ["holds", "hold"], "few points", "more overlap there, or more texture");
+    of_photos(
+        &details.weak,
+        ["holds", "hold"],
+        "few points",
+        "more overlap there, or more texture",
+    );
     let remedy = "more light, slower steps, or leave them out";
     of_photos(&details.blurred, ["is", "are"], "blurred beside the others", remedy);
     if let Some(spread) = details.exposure.filter(|spread| *spread > MAX_SPREAD) {
@@ -311,7 +331,11 @@ mod tests {
     use crate::capture::collect::TakenPhoto;
 
     fn stored(count: usize) -> TakenPhotos {
-        let photo = |i: usize| TakenPhoto { name: format!("{i}.jpg"), frame: true, ..TakenPhoto::default() };
+        let photo = |i: usize| TakenPhoto {
+            name: format!("{i}.jpg"),
+            frame: true,
+            ..TakenPhoto::default()
+        };
         TakenPhotos { photos: (0..count).map(photo).collect(), ..TakenPhotos::default() }
     }
 
@@ -330,14 +354,20 @@ mod tests {
         let tracks = model(&[1, 2, 6, 7], |_| 0..100);
         let by_name = tracks.photos.iter().enumerate().map(|(i, p)| (p.name.as_str(), i)).collect();
         let gaps = gaps(&stored(9), &tracks, &by_name);
-        let said: Vec<_> = gaps.iter().map(|g| (g.after.as_deref(), g.before.as_deref(), g.lost)).collect();
+        let said: Vec<_> =
+            gaps.iter().map(|g| (g.after.as_deref(), g.before.as_deref(), g.lost)).collect();
         assert_eq!(
             said,
             [(Some("2.jpg"), Some("6.jpg"), 3), (None, Some("1.jpg"), 1), (Some("7.jpg"), None, 1)]
         );
         assert_eq!(gaps[0].example.as_deref(), Some("4.jpg"));
-        let details =
-            VerdictDetails { gaps, photos: 9, registered: 4, points: 1000, ..VerdictDetails::default() };
+        let details = VerdictDetails {
+            gaps,
+            photos: 9,
+            registered: 4,
+            points: 1000,
+            ..VerdictDetails::default()
+        };
         let advice = advice(&details, &ModelDetails::default());
         assert!(advice[0].contains("between 2.jpg and 6.jpg: 3 there"), "{advice:?}");
         assert_eq!(word(&details), Verdict::Poor);
@@ -355,7 +385,12 @@ mod tests {
 
     #[test]
     fn a_capture_that_few_points_tie_is_poor() {
-        let of = |points| VerdictDetails { points, photos: 5, registered: 5, ..VerdictDetails::default() };
+        let of = |points| VerdictDetails {
+            points,
+            photos: 5,
+            registered: 5,
+            ..VerdictDetails::default()
+        };
         assert_eq!(of(25).hopeless().as_deref(), Some("25 points tie 5 photos"));
         let advice = advice(&of(25), &ModelDetails::default());
         assert_eq!(advice, ["25 points tie 5 photos: take photos that overlap by half or more"]);
@@ -389,7 +424,10 @@ mod tests {
     #[test]
     fn blur_is_less_detail_than_the_neighbours_have() {
         assert_eq!(blurred(&[1.0, 1.1, 0.3, 0.9, 1.0]), [2]);
-        assert!(blurred(&[1.0, 0.8, 0.7, 0.6, 0.5]).is_empty(), "what falls slowly is another subject");
+        assert!(
+            blurred(&[1.0, 0.8, 0.7, 0.6, 0.5]).is_empty(),
+            "what falls slowly is another subject"
+        );
         assert!(blurred(&[1.0]).is_empty() && blurred(&[]).is_empty());
     }
 }

@@ -34,7 +34,8 @@ impl Ffmpeg {
             return Err(Error::unsupported(video, reason));
         };
         let old = version(&text).is_some_and(|version| version < (5, 1));
-        let passthrough = if old { ["-vsync", "passthrough"] } else { ["-fps_mode", "passthrough"] };
+        let passthrough =
+            if old { ["-vsync", "passthrough"] } else { ["-fps_mode", "passthrough"] };
         Ok(Self { passthrough })
     }
 
@@ -64,8 +65,8 @@ impl Ffmpeg {
         log.run_well(&mut command, observer, |_, _| Ok(()))?;
         let mut names = Vec::new();
         for (k, frame) in chosen.iter().enumerate() {
-            let (from, name) =
-                (folder.join(format!("taken_{:06}.jpg", k + 1)), format!("frame_{frame:06}.jpg"));
+            let from = folder.join(format!("taken_{:06}.jpg", k + 1));
+            let name = format!("frame_{frame:06}.jpg");
             std::fs::rename(&from, folder.join(&name)).map_err(|e| Error::io(&from, e))?;
             names.push(name);
         }
@@ -73,7 +74,12 @@ impl Ffmpeg {
     }
 
     /// Measures every frame.
-    fn watch(&self, video: &Path, log: &mut Log, observer: StageObserver<'_>) -> Result<FrameWatch> {
+    fn watch(
+        &self,
+        video: &Path,
+        log: &mut Log,
+        observer: StageObserver<'_>,
+    ) -> Result<FrameWatch> {
         let side = WATCHED_SIDE;
         let scale = format!(
             "scale='min({side},iw)':'min({side},ih)':force_original_aspect_ratio=decrease:flags=area,format=gray"
@@ -104,7 +110,10 @@ impl Ffmpeg {
 
     fn command(&self, video: &Path) -> Result<Command> {
         let mut command = program(FFMPEG.as_ref());
-        command.args(["-nostdin", "-v", "error", "-i"]).arg(full_path(video)?).args(["-map", "0:v:0"]);
+        command
+            .args(["-nostdin", "-v", "error", "-i"])
+            .arg(full_path(video)?)
+            .args(["-map", "0:v:0"]);
         Ok(command)
     }
 }
@@ -118,7 +127,8 @@ fn version(text: &str) -> Option<(u32, u32)> {
 
 /// The next grey picture of a PGM stream; `None` at its end.
 fn next_pgm(from: &mut impl BufRead) -> std::io::Result<Option<Grey>> {
-    let invalid = || std::io::Error::new(std::io::ErrorKind::InvalidData, "ffmpeg sent no grey pictures");
+    let invalid =
+        || std::io::Error::new(std::io::ErrorKind::InvalidData, "ffmpeg sent no grey pictures");
     if from.fill_buf()?.is_empty() {
         return Ok(None);
     }
@@ -140,7 +150,10 @@ fn next_pgm(from: &mut impl BufRead) -> std::io::Result<Option<Grey>> {
             word.parse().map_err(|_| invalid())
         }
     };
-    let (_, width, height, most) = (number(true)?, number(false)?, number(false)?, number(false)?);
+    let _ = number(true)?;
+    let width = number(false)?;
+    let height = number(false)?;
+    let most = number(false)?;
     if most != 255 || width == 0 || height == 0 || width.max(height) > 4 * WATCHED_SIDE {
         return Err(invalid());
     }
@@ -201,7 +214,8 @@ impl Grey {
         let mean = |i: u32| {
             let corner = UVec2::new(i % size.x, i / size.x) * by;
             let rows = (corner.y..corner.y + by).map(|y| (y * self.size.x + corner.x) as usize);
-            let sum: u32 = rows.flat_map(|at| &self.codes[at..at + by as usize]).map(|&c| u32::from(c)).sum();
+            let sum: u32 =
+                rows.flat_map(|at| &self.codes[at..at + by as usize]).map(|&c| u32::from(c)).sum();
             (sum / (by * by)) as u8
         };
         Self { size, codes: (0..size.x * size.y).map(mean).collect() }
@@ -214,11 +228,13 @@ impl Grey {
 
 /// Mean square of second differences over that of first differences: blur lowers it first.
 pub(super) fn sharpness(picture: &Grey) -> f32 {
-    let (mut second, mut first) = (0.0f64, 0.0f64);
+    let mut second = 0.0f64;
+    let mut first = 0.0f64;
     for y in 1..picture.size.y.saturating_sub(1) {
         for x in 1..picture.size.x.saturating_sub(1) {
             let at = |dx: u32, dy: u32| picture.at(x + dx - 1, y + dy - 1);
-            let (across, down) = (at(2, 1) - at(0, 1), at(1, 2) - at(1, 0));
+            let across = at(2, 1) - at(0, 1);
+            let down = at(1, 2) - at(1, 0);
             let around = at(0, 1) + at(2, 1) + at(1, 0) + at(1, 2) - 4.0 * at(1, 1);
             second += f64::from(around * around);
             first += f64::from(across * across + down * down);
@@ -233,13 +249,15 @@ impl FrameWatch {
         let sharpness = sharpness(frame);
         let small = frame.reduced((frame.size.max_element() / MOTION_SIDE).max(1));
         let side = small.size.max_element() as f32;
-        let motion = self.reference.as_ref().and_then(|reference| motion(reference, &small, self.last));
+        let motion =
+            self.reference.as_ref().and_then(|reference| motion(reference, &small, self.last));
         let length = motion.map_or(0.0, |motion| motion.as_vec2().length());
         self.frames.push(FrameNotes { moved: self.moved + length / side, sharpness });
         self.last = motion.unwrap_or(IVec2::ZERO);
         // A frame that no longer overlaps the reference starts a new one.
         if self.reference.is_none() || length >= NEXT_REFERENCE || motion.is_none() {
-            (self.reference, self.last) = (Some(small), IVec2::ZERO);
+            self.reference = Some(small);
+            self.last = IVec2::ZERO;
             self.moved += length / side;
         }
     }
@@ -254,7 +272,8 @@ fn motion(from: &Grey, to: &Grey, guess: IVec2) -> Option<IVec2> {
     let corners = (0..from.size.y / BLOCK)
         .flat_map(|y| (0..from.size.x / BLOCK).map(move |x| UVec2::new(x, y) * BLOCK))
         .filter(|corner| contrast(from, *corner) >= LEAST_CONTRAST);
-    let found: Vec<IVec2> = corners.filter_map(|corner| block_motion(from, to, corner, guess)).collect();
+    let found: Vec<IVec2> =
+        corners.filter_map(|corner| block_motion(from, to, corner, guess)).collect();
     let middle = |of: fn(&IVec2) -> i32| {
         let mut values: Vec<i32> = found.iter().map(of).collect();
         values.sort_unstable();
@@ -274,15 +293,19 @@ fn contrast(picture: &Grey, corner: UVec2) -> f32 {
 /// Best match of a block: every second pixel first, then around the best.
 fn block_motion(from: &Grey, to: &Grey, corner: UVec2, guess: IVec2) -> Option<IVec2> {
     let best_of = |candidates: &mut dyn Iterator<Item = IVec2>| {
-        candidates.filter_map(|by| Some((difference(from, to, corner, by)?, by))).min_by_key(|(d, by)| {
-            // Ties: the smallest motion.
-            (*d, (*by - guess).length_squared(), by.x, by.y)
-        })
+        candidates.filter_map(|by| Some((difference(from, to, corner, by)?, by))).min_by_key(
+            |(d, by)| {
+                // Ties: the smallest motion.
+                (*d, (*by - guess).length_squared(), by.x, by.y)
+            },
+        )
     };
     let steps = || (-REACH..=REACH).step_by(2);
-    let (_, coarse) = best_of(&mut steps().flat_map(|y| steps().map(move |x| guess + IVec2::new(x, y))))?;
+    let (_, coarse) =
+        best_of(&mut steps().flat_map(|y| steps().map(move |x| guess + IVec2::new(x, y))))?;
     let near = -1..=1;
-    let mut around = near.clone().flat_map(|y| near.clone().map(move |x| coarse + IVec2::new(x, y)));
+    let mut around =
+        near.clone().flat_map(|y| near.clone().map(move |x| coarse + IVec2::new(x, y)));
     best_of(&mut around).map(|(_, by)| by)
 }
 
@@ -307,7 +330,8 @@ fn difference(from: &Grey, to: &Grey, corner: UVec2, by: IVec2) -> Option<u32> {
 pub(super) fn choose(frames: &[FrameNotes], most: u32) -> Vec<usize> {
     let Some(last) = frames.last() else { return Vec::new() };
     let few = FEW.min(most as f32);
-    let step = STEP.min(last.moved / few).max(LEAST_STEP).max(last.moved / (most.max(2) - 1) as f32);
+    let step =
+        STEP.min(last.moved / few).max(LEAST_STEP).max(last.moved / (most.max(2) - 1) as f32);
     let mut chosen: Vec<usize> = Vec::new();
     let mut window = 0;
     while window < frames.len() {
@@ -316,10 +340,14 @@ pub(super) fn choose(frames: &[FrameNotes], most: u32) -> Vec<usize> {
             .find(|&i| (frames[i].moved / step).round() > number)
             .unwrap_or(frames.len());
         // Ties: the first.
-        let best = (window..end).rev().max_by(|&a, &b| frames[a].sharpness.total_cmp(&frames[b].sharpness));
+        let best = (window..end)
+            .rev()
+            .max_by(|&a, &b| frames[a].sharpness.total_cmp(&frames[b].sharpness));
         // Two windows may choose the same frame at their common edge.
         match (best, chosen.last().copied()) {
-            (Some(best), Some(before)) if frames[best].moved - frames[before].moved < step / 3.0 => {
+            (Some(best), Some(before))
+                if frames[best].moved - frames[before].moved < step / 3.0 =>
+            {
                 if frames[best].sharpness > frames[before].sharpness {
                     chosen.pop();
                     chosen.push(best);
@@ -365,7 +393,8 @@ mod tests {
                 + 25.0 * (x * 0.9 + y * 0.7).sin()
         };
         let pixel = |i: u32| {
-            let (x, y) = ((i % size.x) as f32 + left, (i / size.x) as f32);
+            let x = (i % size.x) as f32 + left;
+            let y = (i / size.x) as f32;
             let around = if blurred { -4..=4 } else { 0..=0 };
             let count = around.clone().count() as f32;
             (around.map(|d| code(x + d as f32, y)).sum::<f32>() / count) as u8

@@ -173,7 +173,8 @@ impl Exposures {
 
     /// The corrected value of each code. `[ring][channel][code]`
     fn tables(&self, index: usize) -> Vec<[[u8; 256]; 3]> {
-        let (gains, falloff) = (self.gains[index], self.falloff[index]);
+        let gains = self.gains[index];
+        let falloff = self.falloff[index];
         let rings = if falloff == 0.0 { 1 } else { RINGS };
         let ring = |ring: usize| {
             let r2 = ring as f32 / (RINGS - 1) as f32;
@@ -293,17 +294,24 @@ impl Solved {
                 of_mode[m] * known * modes[m]
             }))
         });
-        let falloff = self.exposures.falloff.iter().map(|falloff| strengths.falloff * falloff.max(0.0));
+        let falloff =
+            self.exposures.falloff.iter().map(|falloff| strengths.falloff * falloff.max(0.0));
         Some(Exposures { gains: gains.collect(), falloff: falloff.collect() })
     }
 
     /// Standard deviation of each mode over the photos, without the part that is error.
     fn spread(&self) -> [f32; 3] {
-        let photos =
-            || self.exposures.gains.iter().zip(&self.errors).filter(|(_, errors)| errors[1].is_finite());
+        let photos = || {
+            self.exposures
+                .gains
+                .iter()
+                .zip(&self.errors)
+                .filter(|(_, errors)| errors[1].is_finite())
+        };
         let count = photos().count().max(2) as f32;
         [0, 1, 2].map(|m: usize| {
-            let of_photo = |(gains, errors)| modes(gains)[m].powi(2) - mode_errors(errors)[m].powi(2);
+            let of_photo =
+                |(gains, errors)| modes(gains)[m].powi(2) - mode_errors(errors)[m].powi(2);
             let variance = photos().map(of_photo).sum::<f32>() / (count - 1.0);
             variance.max(0.0).sqrt()
         })
@@ -334,7 +342,8 @@ mod tests {
     fn a_correction_undoes_gain_and_falloff() {
         let size = UVec2::new(64, 48);
         let scene = |i: usize| [60 + i % 50, 70 + i % 31, 50 + i / 64].map(|c| c as u8);
-        let (gains, falloff) = ([0.4, -0.2, 0.1], 0.35);
+        let gains = [0.4, -0.2, 0.1];
+        let falloff = 0.35;
         let rings = Rings::new(size);
         let taken = |i: usize| {
             let place = Vec2::new((i % 64) as f32 + 0.5, (i / 64) as f32 + 0.5);
@@ -359,15 +368,17 @@ mod tests {
     #[test]
     fn saturated_pixels_hardly_count_where_they_become_darker() {
         let photo = RgbImage { size: UVec2::new(2, 1), rgb: vec![[255; 3], [100; 3]], alpha: None };
-        let of =
-            |gain: f32| Exposures { gains: vec![[gain; 3]], falloff: vec![0.0] }.correct(0, &photo).unwrap();
+        let of = |gain: f32| {
+            Exposures { gains: vec![[gain; 3]], falloff: vec![0.0] }.correct(0, &photo).unwrap()
+        };
         assert_eq!(of(0.5).alpha, Some(vec![SATURATED_WEIGHT, 255]));
         assert_eq!(of(-0.5).alpha, None, "they are brighter than white in any case");
     }
 
     /// Estimates for photos whose exposure spreads by `spread`, with a standard error of `error`.
     fn solved(spread: f32, error: f32, falloff: f32) -> Solved {
-        let gains: Vec<[f32; 3]> = (0..40).map(|i| [if i % 2 == 0 { spread } else { -spread }; 3]).collect();
+        let gains: Vec<[f32; 3]> =
+            (0..40).map(|i| [if i % 2 == 0 { spread } else { -spread }; 3]).collect();
         let exposures = Exposures { falloff: vec![falloff; gains.len()], gains };
         Solved {
             errors: vec![[error; 3]; 40],

@@ -57,9 +57,11 @@ impl ExposureEvidence {
         let mut falloff = Fit::new(photos.len());
         for mode in 0..3 {
             let predicted = photos.iter().map(|photo| modes(&photo.gains)[mode]);
-            let shown =
-                photos.iter().map(|photo| middle(photo.cells.iter().map(|cell| modes(&cell.log)[mode])));
-            let beside = predicted.clone().zip(photos.iter().map(|photo| modes(&photo.beside_others)[mode]));
+            let shown = photos
+                .iter()
+                .map(|photo| middle(photo.cells.iter().map(|cell| modes(&cell.log)[mode])));
+            let beside =
+                predicted.clone().zip(photos.iter().map(|photo| modes(&photo.beside_others)[mode]));
             let fit = if mode == 0 { &mut gain } else { &mut balance };
             fit.beside_others.extend(beside.map(|(predicted, beside)| [predicted, beside]));
             let pairs = centered(predicted.zip(shown).collect());
@@ -69,11 +71,16 @@ impl ExposureEvidence {
             let of_cell = |cell: &Light| (-photo.falloff * cell.r2, modes(&cell.log)[0]);
             let pairs = centered(photo.cells.iter().map(of_cell).collect());
             pairs.into_iter().for_each(|pair| falloff.add(number, pair));
-            falloff.beside_others.push([photo.falloff, photo.falloff * photo.falloff_beside_others]);
+            falloff
+                .beside_others
+                .push([photo.falloff, photo.falloff * photo.falloff_beside_others]);
         }
         let [gain, balance, falloff] = [gain, balance, falloff].map(Fit::judge);
-        let of =
-            |which: usize| Strengths { gain: gain[which], balance: balance[which], falloff: falloff[which] };
+        let of = |which: usize| Strengths {
+            gain: gain[which],
+            balance: balance[which],
+            falloff: falloff[which],
+        };
         Self { photos: photos.len() as u64, slopes: of(0), strengths: of(1) }
     }
 }
@@ -110,7 +117,8 @@ impl Fit {
         }
         let closer = change.iter().filter(|change| **change < 0.0).count();
         let is_confirmed = self.photos >= MIN_PHOTOS && 2 * closer > self.photos;
-        [slope, if is_confirmed { share } else { 0.0 }].map(|number| (100.0 * number).round() / 100.0)
+        [slope, if is_confirmed { share } else { 0.0 }]
+            .map(|number| (100.0 * number).round() / 100.0)
     }
 }
 
@@ -188,11 +196,19 @@ mod tests {
         }
         // A scene that took up most of it shows little.
         let absorbed = of(0.4, 0.02);
-        assert!((absorbed.slopes.gain - 0.4).abs() < 0.05 && absorbed.strengths.is_none(), "{absorbed:?}");
+        assert!(
+            (absorbed.slopes.gain - 0.4).abs() < 0.05 && absorbed.strengths.is_none(),
+            "{absorbed:?}"
+        );
         let mut photos = left_out(1.0, 0.1);
-        photos.iter_mut().for_each(|photo| photo.beside_others = photo.gains.map(|gain| 0.4 * gain));
+        photos
+            .iter_mut()
+            .for_each(|photo| photo.beside_others = photo.gains.map(|gain| 0.4 * gain));
         let strengths = ExposureEvidence::of(&photos).strengths;
-        assert!(strengths.gain == 0.0 && strengths.falloff > 0.9, "neighbours share most: {strengths:?}");
+        assert!(
+            strengths.gain == 0.0 && strengths.falloff > 0.9,
+            "neighbours share most: {strengths:?}"
+        );
         assert!(of(0.0, 0.1).strengths.is_none() && of(-1.0, 0.1).strengths.is_none());
     }
 
@@ -209,8 +225,10 @@ mod tests {
     fn the_share_has_the_least_sum_of_both_errors() {
         for slope in [0.3f32, 0.55, 0.7, 0.9, 0.99] {
             let cost = |s: f32| (s + (1.0 - s) * slope).powi(2) + ((1.0 - s) * slope).powi(2);
-            let best =
-                (0..=1000).map(|i| i as f32 / 1000.0).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap();
+            let best = (0..=1000)
+                .map(|i| i as f32 / 1000.0)
+                .min_by(|a, b| cost(*a).total_cmp(&cost(*b)))
+                .unwrap();
             assert!((share(slope) - best).abs() < 0.002, "{slope}: {} {best}", share(slope));
         }
     }

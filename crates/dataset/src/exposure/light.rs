@@ -32,7 +32,9 @@ impl Light {
     /// The light of points, by their numbers and their places as shares of the width and height of `photo`. Masked, clipped and dark ones
     /// are left out.
     pub fn at_points(photo: &RgbImage, points: &[(u32, Vec2)]) -> Vec<Self> {
-        let (light, rings, size) = (linear_of_srgb8(), Rings::new(photo.size), photo.size.as_vec2());
+        let light = linear_of_srgb8();
+        let rings = Rings::new(photo.size);
+        let size = photo.size.as_vec2();
         let read = |(point, share): &(u32, Vec2)| {
             let place = (*share * size).clamp(Vec2::ZERO, size - 1.0);
             let i = (place.as_uvec2().y * photo.size.x + place.as_uvec2().x) as usize;
@@ -46,11 +48,14 @@ impl Light {
 
     /// The light of cells beside that of a drawing of the same size, as a ratio of sums, which noise and small displacements hardly change.
     pub fn beside_drawing(photo: &RgbImage, drawn: &RgbImage) -> Vec<Self> {
-        let (size, rings) = (photo.size, Rings::new(photo.size));
+        let size = photo.size;
+        let rings = Rings::new(photo.size);
         let side = |i: u32, all: u32| (i * all / GRID, (i + 1) * all / GRID);
         let cell = |k: u32| {
-            let ((left, right), (top, bottom)) = (side(k % GRID, size.x), side(k / GRID, size.y));
-            let pixels = (top..bottom).flat_map(|y| (left..right).map(move |x| (y * size.x + x) as usize));
+            let (left, right) = side(k % GRID, size.x);
+            let (top, bottom) = side(k / GRID, size.y);
+            let pixels =
+                (top..bottom).flat_map(|y| (left..right).map(move |x| (y * size.x + x) as usize));
             let r2 = rings.square(Vec2::new((left + right) as f32, (top + bottom) as f32) / 2.0);
             Self::of_cell(photo, drawn, pixels, r2)
         };
@@ -64,14 +69,17 @@ impl Light {
         r2: f32,
     ) -> Option<Self> {
         let light = linear_of_srgb8();
-        let (mut sums, mut compared, mut all) = ([[0.0f32; 2]; 3], [0.0f32; 3], 0.0f32);
+        let mut sums = [[0.0f32; 2]; 3];
+        let mut compared = [0.0f32; 3];
+        let mut all = 0.0f32;
         for i in pixels {
             all += 1.0;
             if photo.alpha.as_ref().is_some_and(|alpha| alpha[i] < 128) {
                 continue;
             }
             for c in 0..3 {
-                let (a, b) = (photo.rgb[i][c], drawn.rgb[i][c]);
+                let a = photo.rgb[i][c];
+                let b = drawn.rgb[i][c];
                 if COMPARED.contains(&a) && COMPARED.contains(&b) {
                     sums[c][0] += light[usize::from(a)];
                     sums[c][1] += light[usize::from(b)];
@@ -86,7 +94,8 @@ impl Light {
         let log = [0, 1, 2].map(|c| if counts(c) { (sums[c][0] / sums[c][1]).ln() } else { 0.0 });
         // An error of a code is a larger part of little light.
         let mean = |c: usize| (sums[c][0] * sums[c][1]).sqrt() / compared[c];
-        let weight = [0, 1, 2].map(|c| if counts(c) { compared[c] / all * mean(c).powf(0.8) } else { 0.0 });
+        let weight =
+            [0, 1, 2].map(|c| if counts(c) { compared[c] / all * mean(c).powf(0.8) } else { 0.0 });
         Some(Self { point: NO_POINT, log, weight, r2 })
     }
 }

@@ -28,7 +28,9 @@ pub fn own_exposures(
     }
     let gains = &solved.exposures.gains;
     let mut left = gains.clone();
-    for (left, corrected) in left.iter_mut().zip(solved.corrections(strengths).unwrap_or_default().gains) {
+    for (left, corrected) in
+        left.iter_mut().zip(solved.corrections(strengths).unwrap_or_default().gains)
+    {
         (0..3).for_each(|c| left[c] -= corrected[c]);
     }
     let beside = beside_others(lights, gains, &left, &is_used);

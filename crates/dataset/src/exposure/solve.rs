@@ -34,12 +34,19 @@ pub fn solve(photos: &[Vec<Light>], cameras: &[UVec2]) -> Solved {
     for (photo, lights) in photos.iter().enumerate() {
         for light in lights.iter().filter(|light| light.point.is_multiple_of(stride)) {
             let next = numbers.len();
-            seen.push(Seen { photo, point: *numbers.entry(light.point).or_insert(next), light: *light });
+            seen.push(Seen {
+                photo,
+                point: *numbers.entry(light.point).or_insert(next),
+                light: *light,
+            });
         }
     }
     let kinds = kinds(cameras);
     let mut solved = Solved {
-        exposures: Exposures { gains: vec![[0.0; 3]; photos.len()], falloff: vec![0.0; photos.len()] },
+        exposures: Exposures {
+            gains: vec![[0.0; 3]; photos.len()],
+            falloff: vec![0.0; photos.len()],
+        },
         errors: vec![[f32::INFINITY; 3]; photos.len()],
         beside_others: Vec::new(),
         falloff_beside_others: radii_beside_others(&seen, photos.len(), numbers.len()),
@@ -82,7 +89,8 @@ fn radii_beside_others(seen: &[Seen], photos: usize, points: usize) -> f32 {
             of_photo[seen.photo] = [a + r2, b + rest, count + 1.0];
         }
     }
-    let (mut product, mut square) = (0.0, 0.0);
+    let mut product = 0.0;
+    let mut square = 0.0;
     for seen in seen {
         if let Some([r2, rest]) = beside(seen) {
             let [a, b, count] = of_photo[seen.photo];
@@ -99,7 +107,8 @@ fn kinds(cameras: &[UVec2]) -> Vec<usize> {
         cameras.iter().map(|size| UVec2::new(size.max_element(), size.min_element())).collect();
     let count = |size: &UVec2| upright.iter().filter(|other| *other == size).count();
     let first = |size: &UVec2| upright.iter().position(|other| other == size).unwrap_or(0);
-    let kind = |size: &UVec2| if count(size) >= MIN_PHOTOS_PER_CAMERA { 1 + first(size) } else { 0 };
+    let kind =
+        |size: &UVec2| if count(size) >= MIN_PHOTOS_PER_CAMERA { 1 + first(size) } else { 0 };
     upright.iter().map(kind).collect()
 }
 
@@ -125,14 +134,16 @@ impl Solved {
         for c in 0..3 {
             let is_known = |errors: &[f32; 3]| errors.iter().all(|error| error.is_finite());
             let known = gains.iter().zip(&self.errors).filter(|(_, errors)| is_known(errors));
-            let middle = median(known.map(|(gains, _)| gains[c]).collect(), f32::total_cmp).unwrap_or(0.0);
+            let middle =
+                median(known.map(|(gains, _)| gains[c]).collect(), f32::total_cmp).unwrap_or(0.0);
             for (gains, errors) in gains.iter().zip(&mut self.errors) {
                 if !((gains[c] - middle).abs() <= MAX_GAIN.ln()) {
                     *errors = [f32::INFINITY; 3];
                 }
             }
         }
-        let known: Vec<usize> = (0..gains.len()).filter(|i| self.errors[*i][0].is_finite()).collect();
+        let known: Vec<usize> =
+            (0..gains.len()).filter(|i| self.errors[*i][0].is_finite()).collect();
         for c in 0..3 {
             let sum: f64 = known.iter().map(|i| f64::from(gains[*i][c])).sum();
             let mean = (sum / known.len().max(1) as f64) as f32;
@@ -213,7 +224,9 @@ impl<'a> Channel<'a> {
             let (index, value) = value(seen);
             sums[index] = [sums[index][0] + weight * f64::from(value), sums[index][1] + weight];
         }
-        sums.iter().map(|[sum, weight]| if *weight > 0.0 { (sum / weight) as f32 } else { 0.0 }).collect()
+        sums.iter()
+            .map(|[sum, weight]| if *weight > 0.0 { (sum / weight) as f32 } else { 0.0 })
+            .collect()
     }
 
     /// What the unknowns leave of a light.
@@ -223,19 +236,24 @@ impl<'a> Channel<'a> {
     }
 
     fn improve(&mut self) {
-        self.photos =
-            self.means(self.photos.len(), |seen| (seen.photo, self.left(seen) + self.photos[seen.photo]));
-        self.points =
-            self.means(self.points.len(), |seen| (seen.point, self.left(seen) + self.points[seen.point]));
+        self.photos = self.means(self.photos.len(), |seen| {
+            (seen.photo, self.left(seen) + self.photos[seen.photo])
+        });
+        self.points = self.means(self.points.len(), |seen| {
+            (seen.point, self.left(seen) + self.points[seen.point])
+        });
         // How the rest grows with r², within a point.
         let of_point = self.means(self.points.len(), |seen| (seen.point, seen.light.r2));
         let mut sums = vec![[0.0f64; 2]; self.falloff.len()];
         for (seen, weight) in self.seen.iter().zip(&self.weights) {
-            let [apart, left] = [seen.light.r2 - of_point[seen.point], self.left(seen)].map(f64::from);
+            let [apart, left] =
+                [seen.light.r2 - of_point[seen.point], self.left(seen)].map(f64::from);
             let sum = &mut sums[self.kinds[seen.photo]];
             *sum = [sum[0] - weight * apart * left, sum[1] + weight * apart * apart];
         }
-        for ((falloff, [above, below]), has_radii) in self.falloff.iter_mut().zip(sums).zip(&self.has_radii) {
+        for ((falloff, [above, below]), has_radii) in
+            self.falloff.iter_mut().zip(sums).zip(&self.has_radii)
+        {
             *falloff += if *has_radii && below > 0.0 { (above / below) as f32 } else { 0.0 };
         }
     }
@@ -247,7 +265,8 @@ impl<'a> Channel<'a> {
         let counted = left.iter().zip(self.seen).filter(|(_, seen)| weight(seen) > 0.0);
         let usual = median(counted.map(|(left, _)| left.abs()).collect(), f32::total_cmp);
         let scale = LEAST_SCALE.max(1.5 * usual.unwrap_or(0.0));
-        let weigh = |(seen, left): (&Seen, f32)| f64::from(weight(seen) / (1.0 + (left / scale).powi(2)));
+        let weigh =
+            |(seen, left): (&Seen, f32)| f64::from(weight(seen) / (1.0 + (left / scale).powi(2)));
         self.weights = self.seen.iter().zip(left).map(weigh).collect();
     }
 
@@ -258,8 +277,9 @@ impl<'a> Channel<'a> {
             let sum = &mut sums[seen.photo];
             *sum = [sum[0] + (weight * f64::from(self.left(seen))).powi(2), sum[1] + weight];
         }
-        let error =
-            |[square, sum]: [f64; 2]| if sum > 0.0 { (square.sqrt() / sum) as f32 } else { f32::INFINITY };
+        let error = |[square, sum]: [f64; 2]| {
+            if sum > 0.0 { (square.sqrt() / sum) as f32 } else { f32::INFINITY }
+        };
         sums.into_iter().map(error).collect()
     }
 }
@@ -271,7 +291,11 @@ mod tests {
     use trisplat_scene::Rng;
 
     /// The lights of `truth.len()` photos that all show the same 400 points, at other places of each.
-    fn lights(truth: &[[f32; 3]], falloff: f32, radius: impl Fn(usize, usize) -> f32) -> Vec<Vec<Light>> {
+    fn lights(
+        truth: &[[f32; 3]],
+        falloff: f32,
+        radius: impl Fn(usize, usize) -> f32,
+    ) -> Vec<Vec<Light>> {
         let rng = Rng::new(3, "lights", 0);
         let light = |photo: usize, point: usize| {
             let r2 = radius(photo, point);
@@ -290,8 +314,13 @@ mod tests {
         ((7 * photo + 3 * point) % 11) as f32 / 11.0
     }
 
-    const TRUTH: [[f32; 3]; 5] =
-        [[0.5, 0.45, 0.4], [-0.3, -0.35, -0.2], [0.0, 0.1, -0.1], [-0.2, -0.2, -0.1], [0.0, 0.0, 0.0]];
+    const TRUTH: [[f32; 3]; 5] = [
+        [0.5, 0.45, 0.4],
+        [-0.3, -0.35, -0.2],
+        [0.0, 0.1, -0.1],
+        [-0.2, -0.2, -0.1],
+        [0.0, 0.0, 0.0],
+    ];
 
     #[test]
     fn gains_and_falloff_are_found() {
@@ -302,7 +331,11 @@ mod tests {
                 assert!(off.abs() < 0.01, "{i} {c}: {off}");
                 assert!((1e-5..0.02).contains(&solved.errors[i][c]), "{}", solved.errors[i][c]);
             }
-            assert!((solved.exposures.falloff[i] - 0.4).abs() < 0.02, "{:?}", solved.exposures.falloff);
+            assert!(
+                (solved.exposures.falloff[i] - 0.4).abs() < 0.02,
+                "{:?}",
+                solved.exposures.falloff
+            );
         }
     }
 
@@ -310,7 +343,8 @@ mod tests {
     fn gains_stay_where_falloff_cannot_be_told_from_them() {
         // Each photo shows its points at one distance from its middle; each has a size of its own, or all have one.
         let ring = |photo: usize, _: usize| 0.1 + 0.15 * photo as f32;
-        for sizes in [[0, 1, 2, 3, 4], [0; 5]].map(|add| add.map(|add| UVec2::new(160 + add, 120))) {
+        for sizes in [[0, 1, 2, 3, 4], [0; 5]].map(|add| add.map(|add| UVec2::new(160 + add, 120)))
+        {
             let solved = solve(&lights(&TRUTH, 0.0, ring), &sizes);
             assert_eq!(solved.exposures.falloff, [0.0; 5]);
             for (gains, truth) in solved.exposures.gains.iter().zip(&TRUTH) {
@@ -329,9 +363,17 @@ mod tests {
         let solved = solve(&photos, &[UVec2::new(160, 120); 5]);
         for unknown in [1, 2, 3] {
             assert_eq!(solved.exposures.gains[unknown], [0.0; 3]);
-            assert!(solved.errors[unknown].iter().all(|error| error.is_infinite()), "{:?}", solved.errors);
+            assert!(
+                solved.errors[unknown].iter().all(|error| error.is_infinite()),
+                "{:?}",
+                solved.errors
+            );
         }
-        assert!((solved.exposures.gains[0][1] - 0.225).abs() < 0.01, "{:?}", solved.exposures.gains);
+        assert!(
+            (solved.exposures.gains[0][1] - 0.225).abs() < 0.01,
+            "{:?}",
+            solved.exposures.gains
+        );
         assert_eq!(solved.verdict(Strengths::NONE).unknown, 3);
         assert_eq!(solve(&[], &[]), Solved::default());
     }

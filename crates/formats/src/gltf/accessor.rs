@@ -90,7 +90,10 @@ impl<'a> Accessors<'a> {
         let accessor = self.accessor(index)?;
         let place = || format!("accessor {index}");
         let component = component_type(accessor.component_type).ok_or_else(|| {
-            self.malformed(place(), format!("has the unknown component type {}", accessor.component_type))
+            self.malformed(
+                place(),
+                format!("has the unknown component type {}", accessor.component_type),
+            )
         })?;
         let width = match accessor.shape.as_str() {
             "SCALAR" => 1,
@@ -98,9 +101,10 @@ impl<'a> Accessors<'a> {
             "VEC3" => 3,
             "VEC4" => 4,
             other => {
-                return Err(
-                    self.malformed(place(), format!("has type {other:?}; expected SCALAR or VEC2 to VEC4"))
-                );
+                return Err(self.malformed(
+                    place(),
+                    format!("has type {other:?}; expected SCALAR or VEC2 to VEC4"),
+                ));
             }
         };
         let mut layout = ElementLayout {
@@ -132,8 +136,10 @@ impl<'a> Accessors<'a> {
         match stride {
             Some(stride) if !(1..=MAX_BYTE_STRIDE as u64).contains(&stride) => {
                 let place = format!("bufferView {index}");
-                Err(self
-                    .malformed(place, format!("has byteStride {stride}; expected 1 to {MAX_BYTE_STRIDE}")))
+                Err(self.malformed(
+                    place,
+                    format!("has byteStride {stride}; expected 1 to {MAX_BYTE_STRIDE}"),
+                ))
             }
             stride => Ok(stride),
         }
@@ -146,8 +152,14 @@ impl<'a> Accessors<'a> {
         let length = match &view.extensions.meshopt {
             Some(compressed) => {
                 let bytes = meshopt::check(compressed);
-                let bytes = bytes.map_err(|reason| self.malformed(format!("bufferView {index}"), reason))?;
-                self.check_range(index, compressed.buffer, compressed.byte_offset, compressed.byte_length)?;
+                let bytes = bytes
+                    .map_err(|reason| self.malformed(format!("bufferView {index}"), reason))?;
+                self.check_range(
+                    index,
+                    compressed.buffer,
+                    compressed.byte_offset,
+                    compressed.byte_length,
+                )?;
                 bytes
             }
             None => {
@@ -156,10 +168,12 @@ impl<'a> Accessors<'a> {
             }
         };
         if layout.stride < layout.element() {
-            let (stride, element) = (layout.stride, layout.element());
-            return Err(
-                self.malformed(place, format!("has {element} bytes per element, {stride} bytes apart"))
-            );
+            let stride = layout.stride;
+            let element = layout.element();
+            return Err(self.malformed(
+                place,
+                format!("has {element} bytes per element, {stride} bytes apart"),
+            ));
         }
         match layout.span().and_then(|span| span.checked_add(layout.offset)) {
             Some(end) if end <= length => Ok(()),
@@ -222,7 +236,8 @@ impl<'a> Accessors<'a> {
     /// The bytes of all elements; the last may lack its padding.
     fn bytes(&mut self, layout: &ElementLayout) -> Result<Cow<'_, [u8]>> {
         let Some(index) = layout.view else { return Ok(Cow::default()) };
-        let (view, length) = (self.view(index)?, layout.span().unwrap_or(0) as usize);
+        let view = self.view(index)?;
+        let length = layout.span().unwrap_or(0) as usize;
         if let Some(compressed) = &view.extensions.meshopt {
             let bytes: &[u8] = bytemuck::cast_slice(self.unpack(index, compressed)?);
             let start = layout.offset as usize;
@@ -242,7 +257,8 @@ impl<'a> Accessors<'a> {
         self.buffers.spend(compressed.count * compressed.byte_stride)?;
         let mut packed = vec![0; compressed.byte_length as usize];
         self.buffers.read(compressed.buffer, compressed.byte_offset, &mut packed)?;
-        let words = meshopt::decode(compressed, &packed).map_err(|reason| self.malformed(place, reason))?;
+        let words =
+            meshopt::decode(compressed, &packed).map_err(|reason| self.malformed(place, reason))?;
         if self.unpacked.len() == KEPT_VIEWS {
             self.unpacked.pop_front();
         }
@@ -260,9 +276,10 @@ impl<'a> Accessors<'a> {
         let Some(sparse) = &self.accessor(index)?.sparse else { return Ok(()) };
         let place = || format!("accessor {index}: sparse");
         if sparse.count > layout.count {
-            return Err(
-                self.malformed(place(), format!("replaces {} of {} elements", sparse.count, layout.count))
-            );
+            return Err(self.malformed(
+                place(),
+                format!("replaces {} of {} elements", sparse.count, layout.count),
+            ));
         }
         let component = component_type(sparse.indices.component_type)
             .filter(|c| matches!(c, ComponentType::U8 | ComponentType::U16 | ComponentType::U32))
@@ -286,9 +303,13 @@ impl<'a> Accessors<'a> {
         self.check(&numbers, place())?;
         self.check(&values, place())?;
         let mut at = Vec::new();
-        decode(&numbers, &self.bytes(&numbers)?, 0.0, &mut |_, [number]: [f64; 1]| at.push(number as usize));
+        decode(&numbers, &self.bytes(&numbers)?, 0.0, &mut |_, [number]: [f64; 1]| {
+            at.push(number as usize)
+        });
         if let Some(bad) = at.iter().find(|&&number| number as u64 >= layout.count) {
-            return Err(self.malformed(place(), format!("replaces element {bad} of {}", layout.count)));
+            return Err(
+                self.malformed(place(), format!("replaces element {bad} of {}", layout.count))
+            );
         }
         decode(&values, &self.bytes(&values)?, fill, &mut |i, value| each(at[i], value));
         Ok(())
@@ -334,7 +355,8 @@ fn number(layout: &ElementLayout, cell: &[u8]) -> f64 {
 // ---- Base-colour textures of an input, kept or turned into a colour per face ---------------------------
 
 /// The warning about a texture that cannot be read.
-pub(crate) const UNREAD: &str = "a texture is not read, its triangles have the base colour of their material";
+pub(crate) const UNREAD: &str =
+    "a texture is not read, its triangles have the base colour of their material";
 
 /// The faces of a primitive on a picture, or why there is none. `corner` maps a corner to its vertex in the primitive; the faces are those of
 /// the merged mesh.
@@ -354,7 +376,10 @@ pub(crate) fn painted_faces(
         Err(why) => return Ok(Err(format!("texture {index} has {why}"))),
     };
     let Some(coordinates) = attributes.tex_coord(info.set()) else {
-        return Ok(Err(format!("texture {index} is laid by TEXCOORD_{}, which is not there", info.set())));
+        return Ok(Err(format!(
+            "texture {index} is laid by TEXCOORD_{}, which is not there",
+            info.set()
+        )));
     };
     let layout = accessors.layout(coordinates)?;
     if layout.component == ComponentType::U32 || layout.width != 2 {
@@ -362,7 +387,8 @@ pub(crate) fn painted_faces(
     }
     accessors.buffers.spend(8 * layout.count + 24 * faces.len() as u64)?;
     let mut at = vec![Vec2::ZERO; layout.count as usize];
-    accessors.for_each(coordinates, 0.0, |i, uv| at[i] = Vec2::from(info.place(uv).map(|x| x as f32)))?;
+    accessors
+        .for_each(coordinates, 0.0, |i, uv| at[i] = Vec2::from(info.place(uv).map(|x| x as f32)))?;
     let corner = |number: usize| at.get(corner(number)).copied().unwrap_or(Vec2::NAN);
     let uvs = (0..faces.len()).map(|face| [0, 1, 2].map(|k| corner(3 * face + k))).collect();
     let sampler = texture.sampler.and_then(|sampler| document.samplers.get(sampler));
@@ -378,7 +404,8 @@ pub(crate) fn paint(
     accessors: &mut Accessors,
     limits: &Limits,
 ) -> Vec<String> {
-    let (mut textures, mut warnings) = (BTreeMap::new(), Vec::new());
+    let mut textures = BTreeMap::new();
+    let mut warnings = Vec::new();
     for painted in &painted {
         textures.entry(painted.image).or_insert_with(|| {
             let read = read(document, accessors, painted.image, limits);
@@ -407,7 +434,11 @@ fn read(
 }
 
 /// An encoded picture, in a buffer or beside the file; `place` is for messages.
-pub(crate) fn picture_bytes(accessors: &mut Accessors, image: &Image, place: &str) -> Result<Vec<u8>> {
+pub(crate) fn picture_bytes(
+    accessors: &mut Accessors,
+    image: &Image,
+    place: &str,
+) -> Result<Vec<u8>> {
     match image {
         Image { buffer_view: Some(view), .. } => accessors.view_bytes(*view),
         Image { uri: Some(uri), .. } => accessors.buffers.picture(uri, place),

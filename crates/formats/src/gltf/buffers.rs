@@ -132,7 +132,8 @@ impl<'a> Buffers<'a> {
                 (OpenBuffer::File(Arc::clone(&self.file), bin.start), bin.length)
             }
             Some(uri) if is_data(uri) => {
-                let inline = data(uri).map_err(|reason| Error::malformed(&self.path, &place, reason))?;
+                let inline =
+                    data(uri).map_err(|reason| Error::malformed(&self.path, &place, reason))?;
                 let has = inline.len() as u64;
                 (OpenBuffer::Inline(inline), has)
             }
@@ -163,7 +164,9 @@ impl<'a> Buffers<'a> {
     }
 
     fn open_beside(&self, uri: &str, place: &str) -> Result<(OpenBuffer, u64)> {
-        let refuse = |why: &str| Err(Error::unsupported(&self.path, format!("{place} is at {uri:?}, {why}")));
+        let refuse = |why: &str| {
+            Err(Error::unsupported(&self.path, format!("{place} is at {uri:?}, {why}")))
+        };
         if self.path.as_os_str() == "-" {
             return refuse("which standard input cannot reach; give the file by name, or a .glb");
         }
@@ -173,7 +176,9 @@ impl<'a> Buffers<'a> {
             return refuse("which is not beside it; download it and name it by a relative path");
         }
         if input::leaves_folder(Path::new(&name)) && !self.options.allow_outside {
-            return refuse("outside the folder of the file; if that is right, give `allow_outside`");
+            return refuse(
+                "outside the folder of the file; if that is right, give `allow_outside`",
+            );
         }
         let path = self.path.parent().unwrap_or(Path::new("")).join(name);
         match input::open(&path, &self.options.limits) {

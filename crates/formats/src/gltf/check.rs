@@ -26,7 +26,10 @@ pub(crate) fn check(
         Err(error) => return findings.take(error),
     };
     if source.len > READABLE_BYTES {
-        let what = format!("has {} bytes: Unity, web pages and older Godot read less than 2 GiB", source.len);
+        let what = format!(
+            "has {} bytes: Unity, web pages and older Godot read less than 2 GiB",
+            source.len
+        );
         findings.warning("file", what);
     }
     let quantised = document.extensions_used.iter().any(|name| name == QUANTIZATION);
@@ -77,7 +80,9 @@ fn check_pictures(document: &Document, accessors: &mut Accessors, findings: &mut
 // ---- Findings, and the list that collects them -------------------------------------------------------
 
 /// How bad a finding is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
     /// A note that needs no action.
@@ -108,7 +113,12 @@ pub(crate) struct Findings {
 
 impl Findings {
     /// Adds one thing found at `place`.
-    pub(crate) fn add(&mut self, severity: Severity, place: impl Into<String>, what: impl Into<String>) {
+    pub(crate) fn add(
+        &mut self,
+        severity: Severity,
+        place: impl Into<String>,
+        what: impl Into<String>,
+    ) {
         self.list.push(Finding { severity, place: place.into(), what: what.into() });
     }
 

@@ -48,15 +48,18 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let pictures = content.pictures.iter();
     buffer_views.extend(pictures.map(|picture| view(0, picture.start, picture.bytes.len() as u64)));
     let pages = 0..content.pictures.len();
-    let images = pages.clone().map(|page| image(index(streams + page), page, options.texture)).collect();
+    let images =
+        pages.clone().map(|page| image(index(streams + page), page, options.texture)).collect();
     let textures = pages.clone().map(texture).collect();
     let samplers = pages.take(1).map(|_| sampler()).collect();
     let painted = painted(parts);
     let materials: Vec<Material> = painted.iter().map(|of| material(content, of)).collect();
     let unlit = materials.iter().any(|material| material.extensions.is_some());
     // A file with only a backdrop, or a tile, has no viewpoint.
-    let viewpoint = content.asset.provenance.viewpoint.as_ref().filter(|viewpoint| viewpoint.is_possible());
-    let camera = viewpoint.filter(|viewpoint| options.sky_name.is_some() || is_within(content, viewpoint));
+    let viewpoint =
+        content.asset.provenance.viewpoint.as_ref().filter(|viewpoint| viewpoint.is_possible());
+    let camera =
+        viewpoint.filter(|viewpoint| options.sky_name.is_some() || is_within(content, viewpoint));
     let camera_node = camera.map(viewpoint_node);
     let cameras = camera.map(|viewpoint| viewpoint_camera(viewpoint, content));
     let meshes = parts
@@ -332,7 +335,12 @@ fn mesh(
     Ok(Mesh { extensions: None, extras: None, name, primitives: vec![primitive], weights: None })
 }
 
-fn accessor(view: usize, part: &ScenePart, stream: Stream, options: &GltfOptions) -> Result<Accessor> {
+fn accessor(
+    view: usize,
+    part: &ScenePart,
+    stream: Stream,
+    options: &GltfOptions,
+) -> Result<Accessor> {
     let (component_type, shape) = part.kind(stream, options);
     let bound = |corner: glam::Vec3| match part.grid {
         Some(grid) => serde_json::to_value(grid.code(corner).to_array()),
@@ -371,7 +379,11 @@ fn buffers(content: &Content, bin_name: Option<&str>) -> Result<(Vec<View>, Vec<
     let mut views = Vec::with_capacity(starts.len());
     for (i, (part, stream)) in all_streams(parts).enumerate() {
         let strided = matches!(stream, Stream::Positions | Stream::Normals) && part.grid.is_some();
-        let target = if stream == Stream::Indices { Target::ElementArrayBuffer } else { Target::ArrayBuffer };
+        let target = if stream == Stream::Indices {
+            Target::ElementArrayBuffer
+        } else {
+            Target::ArrayBuffer
+        };
         let buffer = usize::from(content.compressed.is_some());
         views.push(View {
             byte_stride: strided.then(|| Stride(part.stride(stream, options) as usize)),

@@ -48,9 +48,19 @@ pub fn glb_size(json_bytes: u64, bin_bytes: u64) -> u64 {
 ///
 /// # Errors
 /// [`Error::TooLarge`] for a GLB above 2 GiB unless `allow_huge`, and above 4 GiB always.
-pub fn check_size(path: &Path, container: Container, bytes: u64, allow_huge: bool) -> Result<Option<String>> {
+pub fn check_size(
+    path: &Path,
+    container: Container,
+    bytes: u64,
+    allow_huge: bool,
+) -> Result<Option<String>> {
     let too_large = |limit: u64, remedy: &str| {
-        Err(Error::TooLarge { what: path.display().to_string(), bytes, limit, remedy: remedy.to_owned() })
+        Err(Error::TooLarge {
+            what: path.display().to_string(),
+            bytes,
+            limit,
+            remedy: remedy.to_owned(),
+        })
     };
     if container == Container::Glb && bytes > GLB_BYTES {
         return too_large(
@@ -79,7 +89,8 @@ pub fn check_size(path: &Path, container: Container, bytes: u64, allow_huge: boo
 /// Writes the GLB header, the JSON chunk and the header of the binary chunk.
 pub(crate) fn write_head(out: &mut dyn Write, json: &[u8], bin_bytes: u64) -> io::Result<()> {
     let json_bytes = padded(json.len() as u64);
-    let mut head = Vec::with_capacity((HEADER_BYTES + 2 * CHUNK_HEADER_BYTES + json_bytes) as usize);
+    let mut head =
+        Vec::with_capacity((HEADER_BYTES + 2 * CHUNK_HEADER_BYTES + json_bytes) as usize);
     head.extend_from_slice(MAGIC);
     head.extend_from_slice(&VERSION.to_le_bytes());
     head.extend_from_slice(&length(glb_size(json.len() as u64, bin_bytes))?);
@@ -156,7 +167,10 @@ fn chunks(source: &mut Source) -> Result<Vec<GlbChunk>> {
     let path = source.path.clone();
     let [_, version, length] = read_words(source, 0, "header")?;
     if version != VERSION {
-        return Err(Error::unsupported(&path, format!("is binary glTF {version}; convert it to glTF 2.0")));
+        return Err(Error::unsupported(
+            &path,
+            format!("is binary glTF {version}; convert it to glTF 2.0"),
+        ));
     }
     let length = u64::from(length);
     if length > source.len {
@@ -188,7 +202,11 @@ fn chunks(source: &mut Source) -> Result<Vec<GlbChunk>> {
 }
 
 fn truncated(path: &Path, place: &str, wants: u64, has: u64) -> Error {
-    Error::malformed(path, place, format!("promises {wants} bytes, but only {has} are there: truncated?"))
+    Error::malformed(
+        path,
+        place,
+        format!("promises {wants} bytes, but only {has} are there: truncated?"),
+    )
 }
 
 /// Little-endian words from byte `at`.

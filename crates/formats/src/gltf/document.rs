@@ -310,7 +310,11 @@ pub(crate) struct MeshInstance {
 /// # Errors
 /// `Malformed` for indices out of range, for a node with two parents or in a cycle, and for transforms that
 /// are not finite.
-pub(crate) fn instances(path: &Path, document: &Document, limits: &Limits) -> Result<Vec<MeshInstance>> {
+pub(crate) fn instances(
+    path: &Path,
+    document: &Document,
+    limits: &Limits,
+) -> Result<Vec<MeshInstance>> {
     let mut seen = vec![false; document.nodes.len()];
     let mut instances = Vec::new();
     let mut stack: Vec<(usize, Option<DMat4>, u64)> =
@@ -331,7 +335,10 @@ pub(crate) fn instances(path: &Path, document: &Document, limits: &Limits) -> Re
             return Err(Error::malformed(path, place(), "has a transform that is not finite"));
         }
         if let Some(mesh) = node.mesh
-            && !node.name.as_deref().is_some_and(|name| COLLIDERS.iter().any(|ending| name.ends_with(ending)))
+            && !node
+                .name
+                .as_deref()
+                .is_some_and(|name| COLLIDERS.iter().any(|ending| name.ends_with(ending)))
         {
             instances.push(MeshInstance { mesh, node: index, transform });
         }
@@ -374,8 +381,11 @@ fn local(node: &Node) -> Option<DMat4> {
             let [x, y, z, w] = node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]).map(f64::from);
             let rotation = DQuat::from_xyzw(x, y, z, w);
             // Four f32 numbers are a unit quaternion only nearly.
-            let rotation =
-                if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
+            let rotation = if rotation.length_squared() > 0.0 {
+                rotation.normalize()
+            } else {
+                DQuat::IDENTITY
+            };
             DMat4::from_scale_rotation_translation(
                 node.scale.map_or(DVec3::ONE, to_f64),
                 rotation,

@@ -60,7 +60,13 @@ fn contiguous_bytes<'a>(part: &ScenePart<'a>, stream: Stream) -> Option<&'a [u8]
 }
 
 /// Fills `out` with the elements `range` of a stream; a range of vertices starts with a face.
-fn fill(out: &mut [u8], part: &ScenePart, stream: Stream, range: Range<usize>, options: &GltfOptions) {
+fn fill(
+    out: &mut [u8],
+    part: &ScenePart,
+    stream: Stream,
+    range: Range<usize>,
+    options: &GltfOptions,
+) {
     let mesh = part.mesh;
     match stream {
         Stream::Positions => match part.grid {
@@ -76,14 +82,15 @@ fn fill(out: &mut [u8], part: &ScenePart, stream: Stream, range: Range<usize>, o
             let [x, y, z] = n.to_array().map(|x| (127.0 * x).round() as i8);
             [x, y, z, 0].map(|byte| byte.to_le_bytes()[0])
         }),
-        Stream::Normals => {
-            fill_normals(out, part, range, |n| -> [u8; 12] { bytes_of(n.to_array().map(f32::to_le_bytes)) })
-        }
+        Stream::Normals => fill_normals(out, part, range, |n| -> [u8; 12] {
+            bytes_of(n.to_array().map(f32::to_le_bytes))
+        }),
         Stream::Colors => fill_colors(out, part, range, options.colors),
         Stream::TexCoords => fill_tex_coords(out, part, range),
         Stream::Indices => {
             let first = 3 * part.faces.start;
-            let local = mesh.indices[first + range.start..first + range.end].iter().map(|&v| part.local(v));
+            let local =
+                mesh.indices[first + range.start..first + range.end].iter().map(|&v| part.local(v));
             if part.has_short_indices() {
                 cells(out, local, |i| (i as u16).to_le_bytes());
             } else {
@@ -183,14 +190,24 @@ fn vertices<T: Copy, const N: usize>(
 ) {
     match &part.vertices {
         PartVertices::Run(run) => {
-            cells(out, values[run.start + range.start..run.start + range.end].iter().copied(), code);
+            cells(
+                out,
+                values[run.start + range.start..run.start + range.end].iter().copied(),
+                code,
+            );
         }
-        PartVertices::Picked(ids) => cells(out, ids[range].iter().map(|&id| values[id as usize]), code),
+        PartVertices::Picked(ids) => {
+            cells(out, ids[range].iter().map(|&id| values[id as usize]), code)
+        }
     }
 }
 
 /// Stores one cell of N bytes for every value.
-fn cells<T, const N: usize>(out: &mut [u8], values: impl Iterator<Item = T>, code: impl Fn(T) -> [u8; N]) {
+fn cells<T, const N: usize>(
+    out: &mut [u8],
+    values: impl Iterator<Item = T>,
+    code: impl Fn(T) -> [u8; N],
+) {
     for (cell, value) in out.chunks_exact_mut(N).zip(values) {
         cell.copy_from_slice(&code(value));
     }
@@ -228,7 +245,8 @@ pub(crate) fn compress(parts: &[ScenePart], options: &GltfOptions) -> Result<Vec
                 let corners = 3 * part.faces.start..3 * part.faces.end;
                 let local: Vec<u32> =
                     part.mesh.indices[corners].iter().map(|&v| part.local(v) as u32).collect();
-                ::meshopt::encode_index_buffer(&local, part.vertices.len()).map_err(|e| e.to_string())
+                ::meshopt::encode_index_buffer(&local, part.vertices.len())
+                    .map_err(|e| e.to_string())
             }
             _ => encode_vertices(&bytes(part, stream, options), part.stride(stream, options)),
         };
@@ -244,7 +262,8 @@ pub(crate) fn compress(parts: &[ScenePart], options: &GltfOptions) -> Result<Vec
 fn encode_vertices(bytes: &[u8], stride: u64) -> Result<Vec<u8>, String> {
     fn cells<const N: usize>(bytes: &[u8]) -> Result<Vec<u8>, String> {
         let (cells, _) = bytes.as_chunks::<N>();
-        ::meshopt::encode_vertex_buffer_level(cells, 0, Some(VERTEX_CODEC)).map_err(|e| e.to_string())
+        ::meshopt::encode_vertex_buffer_level(cells, 0, Some(VERTEX_CODEC))
+            .map_err(|e| e.to_string())
     }
     match stride {
         4 => cells::<4>(bytes),
@@ -291,7 +310,9 @@ impl<'a> Content<'a> {
         };
         let (starts, mut bin_bytes) = match &compressed {
             Some(streams) => stream_offsets(streams.iter().map(|s| s.len() as u64)),
-            None => stream_offsets(all_streams(&parts).map(|(part, stream)| part.bytes(stream, options))),
+            None => stream_offsets(
+                all_streams(&parts).map(|(part, stream)| part.bytes(stream, options)),
+            ),
         };
         let mut pictures = Vec::new();
         for page in asset.mesh.texture.iter().flat_map(|texture| &texture.pages) {
@@ -336,10 +357,13 @@ impl<'a> Content<'a> {
 pub(crate) fn text(value: &impl Serialize, is_pretty: bool) -> serde_json::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     match is_pretty {
-        true => {
-            value.serialize(&mut Serializer::with_formatter(&mut bytes, Exact(PrettyFormatter::new())))?
+        true => value.serialize(&mut Serializer::with_formatter(
+            &mut bytes,
+            Exact(PrettyFormatter::new()),
+        ))?,
+        false => {
+            value.serialize(&mut Serializer::with_formatter(&mut bytes, Exact(CompactFormatter)))?
         }
-        false => value.serialize(&mut Serializer::with_formatter(&mut bytes, Exact(CompactFormatter)))?,
     }
     Ok(bytes)
 }

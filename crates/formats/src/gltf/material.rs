@@ -41,11 +41,14 @@ impl Material {
             None => &self.pbr_metallic_roughness,
         };
         let [r, g, b, alpha] = base.factor.unwrap_or([1.0; 4]);
-        let strength = self.extensions.emissive_strength.as_ref().map_or(1.0, |light| light.strength);
+        let strength =
+            self.extensions.emissive_strength.as_ref().map_or(1.0, |light| light.strength);
         let light = self.emissive_factor.unwrap_or_default().map(|x| (x * strength).min(1.0));
         let shines = light.iter().any(|x| *x > 0.0) && !self.extensions.unlit;
         match shines && [r, g, b] == [0.0; 3] {
-            true => (([light[0], light[1], light[2], alpha], self.emissive_texture.as_ref()), false),
+            true => {
+                (([light[0], light[1], light[2], alpha], self.emissive_texture.as_ref()), false)
+            }
             false => (([r, g, b, alpha], base.texture.as_ref()), shines),
         }
     }
@@ -77,7 +80,12 @@ impl Material {
 struct BaseColor {
     #[serde(rename = "baseColorFactor", alias = "diffuseFactor")]
     factor: Option<[f32; 4]>,
-    #[serde(default, rename = "baseColorTexture", alias = "diffuseTexture", deserialize_with = "lenient")]
+    #[serde(
+        default,
+        rename = "baseColorTexture",
+        alias = "diffuseTexture",
+        deserialize_with = "lenient"
+    )]
     texture: Option<TextureInfo>,
 }
 
@@ -111,16 +119,22 @@ pub(crate) struct TextureInfo {
 impl TextureInfo {
     /// The number of its set of coordinates.
     pub(crate) fn set(&self) -> usize {
-        self.extensions.transform.as_ref().and_then(|transform| transform.tex_coord).unwrap_or(self.tex_coord)
+        self.extensions
+            .transform
+            .as_ref()
+            .and_then(|transform| transform.tex_coord)
+            .unwrap_or(self.tex_coord)
     }
 
     /// A place on the picture, from a vertex' coordinates.
     pub(crate) fn place(&self, at: [f64; 2]) -> [f64; 2] {
         let Some(transform) = &self.extensions.transform else { return at };
-        let (scale, offset) = (transform.scale.unwrap_or([1.0; 2]), transform.offset.unwrap_or_default());
+        let scale = transform.scale.unwrap_or([1.0; 2]);
+        let offset = transform.offset.unwrap_or_default();
         let [u, v] = [at[0] * scale[0], at[1] * scale[1]];
         // Counter-clockwise as seen: v points down.
-        let (sin, cos) = (libm::sin(transform.rotation), libm::cos(transform.rotation));
+        let sin = libm::sin(transform.rotation);
+        let cos = libm::cos(transform.rotation);
         [cos * u + sin * v + offset[0], cos * v - sin * u + offset[1]]
     }
 }
@@ -172,8 +186,12 @@ impl Texture {
     pub(crate) fn picture(&self) -> Result<usize, &'static str> {
         let readable = self.extensions.webp.as_ref().map(|webp| webp.source).or(self.source);
         readable.ok_or(match &self.extensions {
-            TextureExtensions { avif: true, .. } => "only an AVIF picture: convert it to PNG, JPEG or WebP",
-            TextureExtensions { basisu: true, .. } => "only a KTX2 picture: convert it to PNG, JPEG or WebP",
+            TextureExtensions { avif: true, .. } => {
+                "only an AVIF picture: convert it to PNG, JPEG or WebP"
+            }
+            TextureExtensions { basisu: true, .. } => {
+                "only a KTX2 picture: convert it to PNG, JPEG or WebP"
+            }
             _ => "no picture",
         })
     }

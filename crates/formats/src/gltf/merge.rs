@@ -45,7 +45,12 @@ struct PrimitiveFaces {
 }
 
 impl<'a> MergedMesh<'a> {
-    pub(crate) fn new(document: &'a Document, accessors: Accessors<'a>, srgb: bool, limits: Limits) -> Self {
+    pub(crate) fn new(
+        document: &'a Document,
+        accessors: Accessors<'a>,
+        srgb: bool,
+        limits: Limits,
+    ) -> Self {
         Self {
             document,
             accessors,
@@ -78,7 +83,8 @@ impl<'a> MergedMesh<'a> {
     pub(crate) fn reserve(&mut self, instances: &[MeshInstance]) -> Result<DVec3> {
         let is_far = |transform: DMat4| is_far(transform.w_axis.truncate());
         let far = instances.iter().any(|instance| instance.transform.is_some_and(is_far));
-        let (mut meshes, mut vertices) = (Vec::new(), 0u64);
+        let mut meshes = Vec::new();
+        let mut vertices = 0u64;
         for instance in instances {
             for primitive in self.primitives(instance)? {
                 if let Some(position) = self.position(primitive)? {
@@ -90,7 +96,8 @@ impl<'a> MergedMesh<'a> {
                 }
             }
         }
-        let (limits, path) = (self.limits, self.accessors.buffers.path().to_owned());
+        let limits = self.limits;
+        let path = self.accessors.buffers.path().to_owned();
         limits.triangles(path.display(), vertices / 3)?;
         limits.vertices(path.display(), vertices)?;
         self.accessors.buffers.spend(vertices.saturating_mul(24))?;
@@ -98,7 +105,8 @@ impl<'a> MergedMesh<'a> {
         if !far {
             return Ok(DVec3::ZERO);
         }
-        let (mut wanted, mut sample) = (sampled(vertices as usize).peekable(), Vec::new());
+        let mut wanted = sampled(vertices as usize).peekable();
+        let mut sample = Vec::new();
         let mut first = 0;
         for (transform, position, count) in meshes {
             let transform = transform.unwrap_or(DMat4::IDENTITY);
@@ -157,7 +165,12 @@ impl<'a> MergedMesh<'a> {
         Ok(())
     }
 
-    fn add_primitive(&mut self, primitive: &Primitive, place: &str, transform: Option<DMat4>) -> Result<()> {
+    fn add_primitive(
+        &mut self,
+        primitive: &Primitive,
+        place: &str,
+        transform: Option<DMat4>,
+    ) -> Result<()> {
         let Some(position) = self.position(primitive)? else { return Ok(()) };
         if !primitive.targets.is_empty() {
             self.warn("morph targets are not applied");
@@ -165,14 +178,17 @@ impl<'a> MergedMesh<'a> {
         let base = self.mesh.positions.len();
         let count = self.read_positions(position, place, transform)?;
         let mut part = self.read_faces(primitive, place, base, count)?;
-        self.mesh.positions.truncate(base + if part.indices.is_some() { count } else { 3 * part.faces });
+        self.mesh
+            .positions
+            .truncate(base + if part.indices.is_some() { count } else { 3 * part.faces });
         let mirrored = transform.is_some_and(|t| t.determinant() < 0.0);
         if mirrored && let Some(indices) = &mut part.indices {
             indices.chunks_exact_mut(3).for_each(|face| face.swap(1, 2));
         }
         self.read_colors(primitive, place, &part, count)?;
         self.read_texture(primitive, place, &part, mirrored)?;
-        let is_double_sided = self.material(primitive, place)?.is_some_and(Material::is_double_sided);
+        let is_double_sided =
+            self.material(primitive, place)?.is_some_and(Material::is_double_sided);
         self.push_sides(&part, is_double_sided);
         if mirrored && part.indices.is_none() {
             self.mirror(&part);
@@ -182,14 +198,21 @@ impl<'a> MergedMesh<'a> {
     }
 
     /// Appends the transformed positions of an accessor; returns their number.
-    fn read_positions(&mut self, accessor: usize, place: &str, transform: Option<DMat4>) -> Result<usize> {
+    fn read_positions(
+        &mut self,
+        accessor: usize,
+        place: &str,
+        transform: Option<DMat4>,
+    ) -> Result<usize> {
         let layout = self.accessors.layout(accessor)?;
         if layout.width != 3 || layout.component == ComponentType::U32 {
-            return Err(
-                self.malformed(place, "has a POSITION that is not VEC3 of floats or 8 or 16-bit integers")
-            );
+            return Err(self.malformed(
+                place,
+                "has a POSITION that is not VEC3 of floats or 8 or 16-bit integers",
+            ));
         }
-        let (base, count) = (self.mesh.positions.len(), layout.count as usize);
+        let base = self.mesh.positions.len();
+        let count = layout.count as usize;
         self.mesh.positions.resize(base + count, Vec3::ZERO);
         let added = &mut self.mesh.positions[base..];
         self.accessors.for_each(accessor, 0.0, |i, p| {
@@ -219,7 +242,9 @@ impl<'a> MergedMesh<'a> {
         };
         let corners = indices.as_ref().map_or(count, Vec::len);
         if corners % 3 != 0 {
-            self.warn(format!("{place} has {corners} corners, no multiple of 3: the last are not read"));
+            self.warn(format!(
+                "{place} has {corners} corners, no multiple of 3: the last are not read"
+            ));
         }
         let faces = corners / 3;
         self.check_limit((self.faces + faces) as u64)?;
@@ -244,7 +269,11 @@ impl<'a> MergedMesh<'a> {
         match indices.iter().position(|&index| index as usize >= count) {
             Some(at) => Err(self.malformed(
                 place,
-                format!("names vertex {} in face {}, but has {count} vertices", indices[at], at / 3),
+                format!(
+                    "names vertex {} in face {}, but has {count} vertices",
+                    indices[at],
+                    at / 3
+                ),
             )),
             None => Ok(indices),
         }
@@ -275,15 +304,18 @@ impl<'a> MergedMesh<'a> {
         self.check_colors(accessor, place, count)?;
         let mut colors = vec![[0.0; 3]; count];
         if material.is_opaque() {
-            self.accessors.for_each(accessor, 1.0, |i, c: [f64; 3]| colors[i] = c.map(|x| x as f32))?;
+            self.accessors
+                .for_each(accessor, 1.0, |i, c: [f64; 3]| colors[i] = c.map(|x| x as f32))?;
         } else {
             let mut alphas = vec![0.0; count];
             self.accessors.for_each(accessor, 1.0, |i, [r, g, b, a]| {
                 colors[i] = [r, g, b].map(|x| x as f32);
                 alphas[i] = a as f32;
             })?;
-            let corner = |corner: usize| part.indices.as_ref().map_or(corner, |list| list[corner] as usize);
-            let mean = |face: usize| (0..3).map(|j| alphas[corner(3 * face + j)]).sum::<f32>() / 3.0;
+            let corner =
+                |corner: usize| part.indices.as_ref().map_or(corner, |list| list[corner] as usize);
+            let mean =
+                |face: usize| (0..3).map(|j| alphas[corner(3 * face + j)]).sum::<f32>() / 3.0;
             self.push_opacity(part, material, |face| alpha * mean(face));
         }
         self.push_colors(colors, part, self.srgb || material.is_srgb(), factor);
@@ -326,7 +358,10 @@ impl<'a> MergedMesh<'a> {
         let materials = &self.document.materials;
         let Some(index) = primitive.material else { return Ok(None) };
         materials.get(index).map(Some).ok_or_else(|| {
-            self.malformed(place, format!("has material {index}, but the file has {}", materials.len()))
+            self.malformed(
+                place,
+                format!("has material {index}, but the file has {}", materials.len()),
+            )
         })
     }
 
@@ -340,7 +375,8 @@ impl<'a> MergedMesh<'a> {
             ));
         }
         if layout.count != count as u64 {
-            return Err(self.malformed(place, format!("has {count} positions and {} colours", layout.count)));
+            return Err(self
+                .malformed(place, format!("has {count} positions and {} colours", layout.count)));
         }
         Ok(())
     }
@@ -352,7 +388,8 @@ impl<'a> MergedMesh<'a> {
         srgb: bool,
         factor: [f32; 3],
     ) {
-        let flat = part.indices.is_none() && colors.chunks_exact(3).all(|c| c[0] == c[1] && c[1] == c[2]);
+        let flat =
+            part.indices.is_none() && colors.chunks_exact(3).all(|c| c[0] == c[1] && c[1] == c[2]);
         if !flat && self.flat {
             self.colors = self.colors.iter().flat_map(|&c| [c; 3]).collect();
             self.flat = false;
@@ -376,13 +413,19 @@ impl<'a> MergedMesh<'a> {
             usize::from(bad)
         };
         let parts = colors.chunks_mut(1 << 14);
-        self.clamped +=
-            parallel::map(parts, |_, part| part.iter_mut().map(clamp).sum::<usize>()).iter().sum::<usize>();
+        self.clamped += parallel::map(parts, |_, part| part.iter_mut().map(clamp).sum::<usize>())
+            .iter()
+            .sum::<usize>();
         self.colors.append(&mut colors);
     }
 
     /// Appends the opacity of a primitive's faces; the list stays empty while everything is opaque.
-    fn push_opacity(&mut self, part: &PrimitiveFaces, material: &Material, alpha: impl Fn(usize) -> f32) {
+    fn push_opacity(
+        &mut self,
+        part: &PrimitiveFaces,
+        material: &Material,
+        alpha: impl Fn(usize) -> f32,
+    ) {
         if material.is_opaque() {
             return;
         }
@@ -448,9 +491,15 @@ impl<'a> MergedMesh<'a> {
         if mesh.opacity.iter().all(|&o| o == 1.0) {
             mesh.opacity = Vec::new();
         }
-        mesh.colors = if self.flat { Colors::Face(self.colors) } else { Colors::Vertex(self.colors) };
-        let painted =
-            accessor::paint(self.painted, &mut mesh, self.document, &mut self.accessors, &self.limits);
+        mesh.colors =
+            if self.flat { Colors::Face(self.colors) } else { Colors::Vertex(self.colors) };
+        let painted = accessor::paint(
+            self.painted,
+            &mut mesh,
+            self.document,
+            &mut self.accessors,
+            &self.limits,
+        );
         self.warnings.extend(painted);
         Ok((mesh, self.warnings))
     }

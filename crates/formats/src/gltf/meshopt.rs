@@ -67,7 +67,12 @@ pub(crate) fn decode(view: &CompressedView, packed: &[u8]) -> Result<Vec<u32>, S
     words.map_err(|_| "has damaged compressed indices".to_owned())
 }
 
-fn attributes(view: &CompressedView, packed: &[u8], words: u64, count: usize) -> Result<Vec<u32>, String> {
+fn attributes(
+    view: &CompressedView,
+    packed: &[u8],
+    words: u64,
+    count: usize,
+) -> Result<Vec<u32>, String> {
     let filter = view.filter.as_deref().unwrap_or("NONE");
     // Colours have four channels of 8 or 16 bits.
     if !matches!((filter, words), ("NONE" | "EXPONENTIAL", _) | ("COLOR", ..=2)) {
@@ -97,9 +102,9 @@ where
         ("COLOR", 1) => {
             ::meshopt::decode_filter_color::<u8>(bytemuck::cast_slice_mut(cells.as_flattened_mut()))
         }
-        ("COLOR", _) => {
-            ::meshopt::decode_filter_color::<u16>(bytemuck::cast_slice_mut(cells.as_flattened_mut()))
-        }
+        ("COLOR", _) => ::meshopt::decode_filter_color::<u16>(bytemuck::cast_slice_mut(
+            cells.as_flattened_mut(),
+        )),
         _ => {}
     }
     Ok(cells.into_flattened())

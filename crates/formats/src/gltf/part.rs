@@ -160,7 +160,11 @@ impl ScenePart<'_> {
 
 /// Cuts an asset into parts; faces that share vertices but not colours get separate vertices, because glTF
 /// has no other way to draw a flat colour.
-pub(crate) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) -> Result<Vec<ScenePart<'a>>> {
+pub(crate) fn parts<'a>(
+    path: &Path,
+    asset: &'a Asset,
+    options: &GltfOptions,
+) -> Result<Vec<ScenePart<'a>>> {
     let mesh = &asset.mesh;
     mesh.validate_shape()?;
     if mesh.face_count() == 0 {
@@ -172,7 +176,8 @@ pub(crate) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
     }
     let named = named_ranges(asset, &options.node_name)?;
     let lit = options.lit && !mesh.normals.is_empty();
-    let vertex_uvs = mesh.texture.as_ref().and_then(|t| t.of_vertices(&mesh.indices, mesh.vertex_count()));
+    let vertex_uvs =
+        mesh.texture.as_ref().and_then(|t| t.of_vertices(&mesh.indices, mesh.vertex_count()));
     let shared = !mesh.indices.is_empty()
         && match mesh.texture {
             // Faces that share corners may have different places on the texture there.
@@ -184,7 +189,12 @@ pub(crate) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
     let drawn = |_, (kind, name, faces)| {
         let lit = lit && kind == PartKind::Scene;
         let part = part(name, mesh, faces, (lit, shared), options)?;
-        Ok(ScenePart { kind, vertex_normals: vertex_normals.clone(), vertex_uvs: vertex_uvs.clone(), ..part })
+        Ok(ScenePart {
+            kind,
+            vertex_normals: vertex_normals.clone(),
+            vertex_uvs: vertex_uvs.clone(),
+            ..part
+        })
     };
     // Always returns the first of several errors, independent of threads.
     let drawn: Vec<Result<ScenePart<'_>>> = parallel::map(named, drawn);
@@ -261,7 +271,8 @@ pub(crate) fn node_names(asset: &Asset, node_name: &str) -> Result<[Vec<String>;
 
 /// The collider, if it has a node.
 fn collision<'a>(asset: &'a Asset, options: &GltfOptions) -> Option<Result<ScenePart<'a>>> {
-    let (name, mesh) = (options.collision_name.clone()?, asset.collision.as_ref()?);
+    let name = options.collision_name.clone()?;
+    let mesh = asset.collision.as_ref()?;
     let whole = || {
         mesh.validate_shape()?;
         let shared = !mesh.indices.is_empty();
@@ -333,13 +344,16 @@ fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
         false => PositionGrid::new(low, high),
     };
     const BLOCK: usize = 1 << 14;
-    let (first, count) = (part.faces.start, part.faces.len());
-    let losses = parallel::ranges(count, BLOCK, |range| grid.loss(range.map(|at| mesh.corners(first + at))));
+    let first = part.faces.start;
+    let count = part.faces.len();
+    let losses =
+        parallel::ranges(count, BLOCK, |range| grid.loss(range.map(|at| mesh.corners(first + at))));
     let loss = losses.into_iter().fold(QuantizationLoss::default(), QuantizationLoss::and);
     let areas = parallel::collect(count, BLOCK, |at| mesh.area(first + at));
     let detail = median(areas, f64::total_cmp).unwrap_or(0.0).sqrt();
     if loss.is_allowed(part.faces.len(), detail) {
-        (part.grid, part.loss) = (Some(grid), loss);
+        part.grid = Some(grid);
+        part.loss = loss;
     }
     Ok(())
 }
@@ -350,7 +364,9 @@ fn used<'a>(indices: &[u32]) -> PartVertices<'a> {
     ids.sort_unstable();
     ids.dedup();
     let whole_run = match (ids.first(), ids.last()) {
-        (Some(&first), Some(&last)) if (last - first) as usize + 1 == ids.len() => Some(first..last + 1),
+        (Some(&first), Some(&last)) if (last - first) as usize + 1 == ids.len() => {
+            Some(first..last + 1)
+        }
         _ => None,
     };
     match whole_run {
@@ -376,12 +392,19 @@ fn bounds(mesh: &Mesh, vertices: &PartVertices) -> [Vec3; 2] {
 /// the backdrop, and no chunk holds faces of both.
 fn face_ranges(chunks: &[Chunk], faces: usize, scene: usize) -> Result<Vec<Range<usize>>> {
     if chunks.is_empty() {
-        return Ok([0..scene, scene..faces].into_iter().filter(|range| !range.is_empty()).collect());
+        return Ok([0..scene, scene..faces]
+            .into_iter()
+            .filter(|range| !range.is_empty())
+            .collect());
     }
     let mut next = 0;
     for (i, chunk) in chunks.iter().enumerate() {
         if chunk.first as usize != next {
-            return Err(Error::invalid(format!("first face of chunk {i}"), chunk.first, next.to_string()));
+            return Err(Error::invalid(
+                format!("first face of chunk {i}"),
+                chunk.first,
+                next.to_string(),
+            ));
         }
         next += chunk.count as usize;
     }
@@ -391,7 +414,11 @@ fn face_ranges(chunks: &[Chunk], faces: usize, scene: usize) -> Result<Vec<Range
     let range = |c: &Chunk| c.first as usize..c.first as usize + c.count as usize;
     let across = |range: &Range<usize>| range.start < scene && scene < range.end;
     if let Some(chunk) = chunks.iter().map(range).position(|range| across(&range)) {
-        return Err(Error::invalid(format!("chunk {chunk}"), "part scene, part backdrop", "one of them"));
+        return Err(Error::invalid(
+            format!("chunk {chunk}"),
+            "part scene, part backdrop",
+            "one of them",
+        ));
     }
     Ok(chunks.iter().filter(|c| c.count > 0).map(range).collect())
 }
@@ -433,7 +460,8 @@ impl PositionGrid {
     pub(crate) fn new(min: Vec3, max: Vec3) -> Self {
         let step = (max.as_dvec3() - min.as_dvec3()) / STEPS;
         // A step below the smallest normal number would be zero in an engine that flushes denormals.
-        let scale = step.to_array().map(|s| if s > 0.0 { (s as f32).max(f32::MIN_POSITIVE) } else { 1.0 });
+        let scale =
+            step.to_array().map(|s| if s > 0.0 { (s as f32).max(f32::MIN_POSITIVE) } else { 1.0 });
         let scale = Vec3::from(scale);
         Self { scale, origin: min, density: scale.as_dvec3().recip() }
     }
@@ -479,12 +507,16 @@ impl QuantizationLoss {
     /// Whether the loss is acceptable for a chunk of this many faces with the median size `detail`. If not,
     /// for example because one huge triangle stretches the grid, positions stay floats.
     pub(crate) fn is_allowed(&self, faces: usize, detail: f64) -> bool {
-        f64::from(self.worst) <= Self::OF_DETAIL * detail && self.collapsed * Self::ONE_IN <= faces as u64
+        f64::from(self.worst) <= Self::OF_DETAIL * detail
+            && self.collapsed * Self::ONE_IN <= faces as u64
     }
 
     /// The combined loss of two sets of triangles.
     pub(crate) fn and(self, other: QuantizationLoss) -> QuantizationLoss {
-        QuantizationLoss { worst: self.worst.max(other.worst), collapsed: self.collapsed + other.collapsed }
+        QuantizationLoss {
+            worst: self.worst.max(other.worst),
+            collapsed: self.collapsed + other.collapsed,
+        }
     }
 }
 
@@ -517,7 +549,10 @@ mod tests {
             assert_eq!(grid.code(min.into()), U16Vec3::ZERO);
             let last = grid.code(max.into());
             for axis in 0..3 {
-                assert!(last[axis] == u16::MAX || grid.scale[axis] == f32::MIN_POSITIVE, "{min:?} {max:?}");
+                assert!(
+                    last[axis] == u16::MAX || grid.scale[axis] == f32::MIN_POSITIVE,
+                    "{min:?} {max:?}"
+                );
             }
         }
     }
@@ -544,7 +579,8 @@ mod tests {
     #[test]
     fn only_triangles_that_had_an_area_can_lose_it() {
         let grid = grid([0.0; 3], [65535.0; 3]);
-        let tiny = [Vec3::new(10.1, 10.0, 10.0), Vec3::new(10.2, 10.0, 10.0), Vec3::new(10.1, 10.2, 10.0)];
+        let tiny =
+            [Vec3::new(10.1, 10.0, 10.0), Vec3::new(10.2, 10.0, 10.0), Vec3::new(10.1, 10.2, 10.0)];
         let line = [Vec3::ZERO, Vec3::ONE, Vec3::splat(2.0)];
         let large = [Vec3::ZERO, Vec3::X * 9.0, Vec3::Y * 9.0];
         let loss = grid.loss([tiny, line, large].into_iter());

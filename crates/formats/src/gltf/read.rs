@@ -45,7 +45,8 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     let srgb = compose::has_srgb_colors(&document.asset);
     let mut merged = MergedMesh::new(&document, accessors, srgb, *limits);
     let unread = |name: &&String| !is_readable(name);
-    let unread: Vec<&str> = document.extensions_used.iter().filter(unread).map(String::as_str).collect();
+    let unread: Vec<&str> =
+        document.extensions_used.iter().filter(unread).map(String::as_str).collect();
     if !unread.is_empty() {
         merged.warn(format!("extensions are not read: {}", unread.join(", ")));
     }
@@ -76,7 +77,8 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     }
     let (mesh, warnings) = merged.finish()?;
     let provenance = Provenance { backdrop, ..compose::provenance(&document.asset) };
-    let loaded = ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
+    let loaded =
+        ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
     finish(&path, loaded, origin)
 }
 
@@ -96,12 +98,14 @@ fn check_triangles(
             _ => corners.saturating_sub(2).max(1),
         }
     };
-    let sum = |mesh: &Mesh| mesh.primitives.iter().map(&mut of_primitive).fold(0, u64::saturating_add);
+    let sum =
+        |mesh: &Mesh| mesh.primitives.iter().map(&mut of_primitive).fold(0, u64::saturating_add);
     let of_mesh: Vec<u64> = document.meshes.iter().map(sum).collect();
     let mut total = 0u64;
     for instance in instances {
         let copies = document.nodes[instance.node].extensions.instancing.as_ref();
-        let copies = copies.and_then(|copies| copies.attributes.values().next()).map_or(1, |at| count(*at));
+        let copies =
+            copies.and_then(|copies| copies.attributes.values().next()).map_or(1, |at| count(*at));
         let triangles = of_mesh.get(instance.mesh).copied().unwrap_or(0);
         total = total.saturating_add(triangles.saturating_mul(copies));
     }
@@ -115,10 +119,13 @@ fn with_copies(
     instances: Vec<MeshInstance>,
     limits: &Limits,
 ) -> Result<Vec<MeshInstance>> {
-    let (before, mut all) = (instances.len(), Vec::with_capacity(instances.len()));
+    let before = instances.len();
+    let mut all = Vec::with_capacity(instances.len());
     for instance in instances {
         let copies = document.nodes[instance.node].extensions.instancing.as_ref();
-        let Some(copies) = copies.map(|copies| &copies.attributes).filter(|copies| !copies.is_empty()) else {
+        let Some(copies) =
+            copies.map(|copies| &copies.attributes).filter(|copies| !copies.is_empty())
+        else {
             all.push(instance);
             continue;
         };
@@ -133,16 +140,24 @@ fn with_copies(
                 format!("has attributes of unequal length: {counts:?}"),
             ));
         }
-        limits.triangles(format_args!("{}: {place}", accessors.buffers.path().display()), counts[0])?;
+        limits.triangles(
+            format_args!("{}: {place}", accessors.buffers.path().display()),
+            counts[0],
+        )?;
         accessors.buffers.spend(counts[0].saturating_mul(size_of::<MeshInstance>() as u64 + 80))?;
         let mut own = vec![(DVec3::ONE, DQuat::IDENTITY, DVec3::ZERO); counts[0] as usize];
         for (name, accessor) in copies {
             match name.as_str() {
-                "SCALE" => accessors.for_each(*accessor, 0.0, |i, scale| own[i].0 = DVec3::from(scale))?,
+                "SCALE" => {
+                    accessors.for_each(*accessor, 0.0, |i, scale| own[i].0 = DVec3::from(scale))?
+                }
                 "ROTATION" => accessors.for_each(*accessor, 0.0, |i, turn: [f64; 4]| {
-                    own[i].1 = DVec4::from(turn).try_normalize().map_or(DQuat::IDENTITY, DQuat::from_vec4);
+                    own[i].1 =
+                        DVec4::from(turn).try_normalize().map_or(DQuat::IDENTITY, DQuat::from_vec4);
                 })?,
-                "TRANSLATION" => accessors.for_each(*accessor, 0.0, |i, at| own[i].2 = DVec3::from(at))?,
+                "TRANSLATION" => {
+                    accessors.for_each(*accessor, 0.0, |i, at| own[i].2 = DVec3::from(at))?
+                }
                 _ => {}
             }
         }
@@ -152,9 +167,15 @@ fn with_copies(
             MeshInstance { transform: Some(node * copy), ..instance }
         }));
     }
-    if let Some(odd) = all.iter().find(|one| one.transform.is_some_and(|transform| !transform.is_finite())) {
+    if let Some(odd) =
+        all.iter().find(|one| one.transform.is_some_and(|transform| !transform.is_finite()))
+    {
         let place = format!("node {}", odd.node);
-        return Err(Error::malformed(accessors.buffers.path(), place, "has a transform that is not finite"));
+        return Err(Error::malformed(
+            accessors.buffers.path(),
+            place,
+            "has a transform that is not finite",
+        ));
     }
     accessors.buffers.repeat(1 + (all.len().saturating_sub(before)) as u64);
     Ok(all)
@@ -170,9 +191,10 @@ pub(crate) fn check_support(path: &Path, document: &Document) -> Result<()> {
     let unknown = document.extensions_required.iter().find(|name| !is_readable(name));
     match unknown {
         Some(name) if name.starts_with(format::GLTF_EXTENSION) => Err(format::unread(path, name)),
-        Some(name) => {
-            Err(Error::unsupported(path, format!("requires the extension {name}; export it again without")))
-        }
+        Some(name) => Err(Error::unsupported(
+            path,
+            format!("requires the extension {name}; export it again without"),
+        )),
         None => Ok(()),
     }
 }

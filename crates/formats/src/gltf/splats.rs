@@ -88,7 +88,8 @@ pub fn holds_splats(source: &mut Source, limits: &Limits) -> Result<bool> {
 /// # Errors
 /// As for triangles; Gaussians that are compressed, of linear colours, or under nodes with uneven scales.
 pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
-    let (path, limits) = (source.path.clone(), options.limits);
+    let path = source.path.clone();
+    let limits = options.limits;
     let container = ContainerFile::read(&mut source, &limits)?;
     let document: Document = document::parse(&path, &container.json, &limits)?;
     let own: SplatDocument = document::parse(&path, &container.json, &limits)?;
@@ -127,8 +128,11 @@ impl Reader<'_> {
         let mut parts = Vec::new();
         for instance in instances {
             let Some(mesh) = document.meshes.get(instance.mesh) else {
-                let reason =
-                    format!("shows mesh {}, but the file has {}", instance.mesh, document.meshes.len());
+                let reason = format!(
+                    "shows mesh {}, but the file has {}",
+                    instance.mesh,
+                    document.meshes.len()
+                );
                 return Err(Error::malformed(self.path, format!("node {}", instance.node), reason));
             };
             for (i, primitive) in mesh.primitives.iter().enumerate() {
@@ -142,7 +146,12 @@ impl Reader<'_> {
         Ok(parts)
     }
 
-    fn part(&mut self, primitive: &SplatPrimitive, place: String, instance: &MeshInstance) -> Result<Part> {
+    fn part(
+        &mut self,
+        primitive: &SplatPrimitive,
+        place: String,
+        instance: &MeshInstance,
+    ) -> Result<Part> {
         let malformed = |reason: String| Error::malformed(self.path, place.clone(), reason);
         let unsupported = |what: String| Error::unsupported(self.path, format!("{place}: {what}"));
         if primitive.mode != Some(POINTS) {
@@ -151,10 +160,16 @@ impl Reader<'_> {
         let splatting = primitive.extensions.splatting.as_ref();
         let packing = splatting.and_then(|s| s.extensions.first_key_value());
         if let Some((name, _)) = packing.filter(|(name, _)| *name != SPZ_EXTENSION) {
-            return Err(unsupported(format!("its Gaussians need {name}; export them again without")));
+            return Err(unsupported(format!(
+                "its Gaussians need {name}; export them again without"
+            )));
         }
-        if let Some(other) = splatting.and_then(|s| s.color_space.as_deref()).filter(|name| *name != COLORS) {
-            return Err(unsupported(format!("its colours are {other}; export them again as {COLORS}")));
+        if let Some(other) =
+            splatting.and_then(|s| s.color_space.as_deref()).filter(|name| *name != COLORS)
+        {
+            return Err(unsupported(format!(
+                "its colours are {other}; export them again as {COLORS}"
+            )));
         }
         let transform = instance.transform.unwrap_or(DMat4::IDENTITY);
         let axes = DMat3::from_mat4(transform);
@@ -183,10 +198,17 @@ impl Reader<'_> {
     fn listed(&mut self, primitive: &SplatPrimitive, place: &str) -> Result<Splats> {
         let accessor = |name: &str| primitive.attributes.get(name).copied();
         let own = |name: &str| accessor(&format!("{GLTF_EXTENSION}:{name}"));
-        let basic =
-            [accessor("POSITION"), own("ROTATION"), own("SCALE"), own("OPACITY"), own("SH_DEGREE_0_COEF_0")];
-        let [Some(position), Some(rotation), Some(scale), Some(opacity), Some(first)] = basic else {
-            let wants = "POSITION and, of the extension, ROTATION, SCALE, OPACITY and SH_DEGREE_0_COEF_0";
+        let basic = [
+            accessor("POSITION"),
+            own("ROTATION"),
+            own("SCALE"),
+            own("OPACITY"),
+            own("SH_DEGREE_0_COEF_0"),
+        ];
+        let [Some(position), Some(rotation), Some(scale), Some(opacity), Some(first)] = basic
+        else {
+            let wants =
+                "POSITION and, of the extension, ROTATION, SCALE, OPACITY and SH_DEGREE_0_COEF_0";
             let reason = format!("lacks an attribute; expected {wants}");
             return Err(Error::malformed(self.path, place, reason));
         };
@@ -202,21 +224,25 @@ impl Reader<'_> {
         let count = self.check(place, basic.into_iter().chain(sh.iter().map(|i| (*i, 3))))?;
         let degree = (sh.len().isqrt() as u8 - 1).min(self.options.sh_degree);
         let mut splats = zeroed(self.path, count, degree, &self.options.limits)?;
-        let (k, all) = (splats.sh_count(), &mut self.accessors);
+        let k = splats.sh_count();
+        let all = &mut self.accessors;
         let single = |numbers: [f64; 3]| DVec3::from(numbers).as_vec3();
         all.for_each(position, 0.0, |i, at| splats.positions[i] = single(at))?;
         all.for_each(rotation, 0.0, |i, q| splats.rotations[i] = DQuat::from_array(q).as_quat())?;
         all.for_each(scale, 0.0, |i, lengths| splats.scales[i] = single(lengths))?;
         all.for_each(opacity, 0.0, |i, [value]| splats.opacity[i] = value as f32)?;
         for (j, coefficient) in sh[..k].iter().enumerate() {
-            all.for_each(*coefficient, 0.0, |i, rgb| splats.sh[i * k + j] = single(rgb).to_array())?;
+            all.for_each(*coefficient, 0.0, |i, rgb| {
+                splats.sh[i * k + j] = single(rgb).to_array()
+            })?;
         }
         Ok(splats)
     }
 
     /// The Gaussians of an SPZ file in a buffer view.
     fn unpacked(&mut self, view: usize) -> Result<Splats> {
-        let (path, limits) = (self.path.to_owned(), &self.options.limits);
+        let path = self.path.to_owned();
+        let limits = &self.options.limits;
         let (file, len) = input::spool(&path, &mut &*self.accessors.view_bytes(view)?, limits)?;
         let loaded = spz::read(Source { path, file: Arc::new(file), len }, &self.options)?;
         self.warnings.extend(loaded.warnings);
@@ -224,13 +250,18 @@ impl Reader<'_> {
     }
 
     /// The number of elements that all of these accessors have. Each comes with its number of components.
-    fn check(&mut self, place: &str, accessors: impl Iterator<Item = (usize, u64)>) -> Result<usize> {
+    fn check(
+        &mut self,
+        place: &str,
+        accessors: impl Iterator<Item = (usize, u64)>,
+    ) -> Result<usize> {
         let mut count = None;
         for (accessor, width) in accessors {
             let layout = self.accessors.layout(accessor)?;
             let count = *count.get_or_insert(layout.count);
             if layout.count != count || layout.width != width {
-                let (found, has) = (layout.count, layout.width);
+                let found = layout.count;
+                let has = layout.width;
                 let reason = format!(
                     "has {found} elements of {has} numbers in accessor {accessor}; expected {count} of {width}"
                 );
@@ -255,7 +286,8 @@ impl Reader<'_> {
             let coefficients = own.sh_count();
             let drawn = if is_turned { 1 } else { coefficients };
             if drawn < coefficients {
-                let warning = format!("{place}: a node turns it, so its colours are the same from all sides");
+                let warning =
+                    format!("{place}: a node turns it, so its colours are the same from all sides");
                 self.warnings.push(warning);
             }
             for i in 0..own.len() {
@@ -264,13 +296,18 @@ impl Reader<'_> {
                 splats.rotations[at] = unit([w, x, y, z]);
                 splats.scales[at] = (own.scales[i].as_dvec3() * *scale).as_vec3();
                 splats.opacity[at] = own.opacity[i];
-                splats.sh[at * k..at * k + drawn].copy_from_slice(&own.sh[i * coefficients..][..drawn]);
+                splats.sh[at * k..at * k + drawn]
+                    .copy_from_slice(&own.sh[i * coefficients..][..drawn]);
                 at += 1;
             }
             splats.filter = own.filter;
         }
         let origin = origin_of(sampled(total).map(|i| positions[i]).collect());
-        splats.positions.iter_mut().zip(&positions).for_each(|(to, p)| *to = (*p - origin).as_vec3());
+        splats
+            .positions
+            .iter_mut()
+            .zip(&positions)
+            .for_each(|(to, p)| *to = (*p - origin).as_vec3());
         Ok((splats, origin))
     }
 }

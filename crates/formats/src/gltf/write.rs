@@ -56,7 +56,12 @@ pub fn to_glb_bytes(asset: &Asset, options: &GltfOptions) -> Result<Vec<u8>> {
 /// # Errors
 /// [`Error::Unsupported`] for zero triangles, [`Error::Invalid`] for a mesh or chunks that do not fit
 /// together, [`Error::TooLarge`] above 2 GiB (unless allowed) and above 4 GiB, [`Error::Io`].
-pub fn write_glb(out: &mut dyn Write, path: &Path, asset: &Asset, options: &GltfOptions) -> Result<Written> {
+pub fn write_glb(
+    out: &mut dyn Write,
+    path: &Path,
+    asset: &Asset,
+    options: &GltfOptions,
+) -> Result<Written> {
     let content = Content::new(path, asset, options)?;
     let json = compose::json(&content, None).map_err(|e| Error::io(path, e.into()))?;
     let bytes = glb_size(json.len() as u64, content.bin_bytes);

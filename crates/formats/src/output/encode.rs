@@ -13,8 +13,7 @@ use trisplat_scene::report::{Outcome, OutputReport, Report, StageObserver};
 use trisplat_scene::{Asset, Error, Provenance, Result, Tile};
 
 /// The note for a file that does not hold its scene's texture.
-const NO_TEXTURE: &str =
-    "the texture of the scene is not in this file, which has its colours: write .glb or .gltf to keep it";
+const NO_TEXTURE: &str = "the texture of the scene is not in this file, which has its colours: write .glb or .gltf to keep it";
 
 /// The note for a file that does not hold its scene's sides.
 const NO_SIDES: &str = "this file does not say from which sides triangles are drawn, so their backs show: write .glb or .gltf to keep sides";
@@ -31,7 +30,8 @@ pub fn write(
     observer: StageObserver<'_>,
 ) -> Result<()> {
     let mut writer = SetWriter { options, started: files, written: Vec::new() };
-    let (mut warnings, mut tiles) = (Vec::new(), None);
+    let mut warnings = Vec::new();
+    let mut tiles = None;
     let counts = asset.counts();
     report.stage(
         observer,
@@ -49,11 +49,13 @@ pub fn write(
     report.warnings.append(&mut warnings);
     let mut written = writer.written;
     let kept = !written.iter().any(AtomicFile::is_dry);
-    let paths = |files: &[AtomicFile]| files.iter().map(|file| file.path().to_owned()).collect::<Vec<_>>();
+    let paths =
+        |files: &[AtomicFile]| files.iter().map(|file| file.path().to_owned()).collect::<Vec<_>>();
     let names = paths(&written);
     let order = output.publishing_order();
     written.sort_by_key(|file| order.iter().position(|path| *path == file.path()));
-    let sizes: BTreeMap<PathBuf, u64> = paths(&written).into_iter().zip(publish(written)?).collect();
+    let sizes: BTreeMap<PathBuf, u64> =
+        paths(&written).into_iter().zip(publish(written)?).collect();
     for name in names {
         report.outputs.push(OutputReport { path: name.display().to_string(), bytes: sizes[&name] });
     }
@@ -63,10 +65,11 @@ pub fn write(
     let stale = if kept { output.stale() } else { Vec::new() };
     let stale: Vec<String> = stale.iter().map(|path| path.display().to_string()).collect();
     if !stale.is_empty() {
-        let (files, verb) = (stale.join(", "), if stale.len() == 1 { "is" } else { "are" });
-        report
-            .warnings
-            .push(format!("{files} {verb} left of an earlier scene of this name: remove what is not needed"));
+        let files = stale.join(", ");
+        let verb = if stale.len() == 1 { "is" } else { "are" };
+        report.warnings.push(format!(
+            "{files} {verb} left of an earlier scene of this name: remove what is not needed"
+        ));
     }
     Ok(())
 }
@@ -87,7 +90,8 @@ impl SetWriter<'_> {
         output: &Output,
         details: &mut WriteDetails,
     ) -> Result<impl FnOnce() -> (PathBuf, u64) + use<>> {
-        let (file, encoding) = (self.started.take(&output.main)?, self.options.encoding(details));
+        let file = self.started.take(&output.main)?;
+        let encoding = self.options.encoding(details);
         let mut writer = TilesetWriter::of(file, encoding, self.options.tileset_tiles)?;
         let root = writer.scene(asset)?;
         let (file, keep) = writer.written(root)?;
@@ -97,7 +101,12 @@ impl SetWriter<'_> {
 
     /// Writes the scene, its backdrop, its collider, its levels and the files that name them; returns
     /// warnings for the user.
-    fn all(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<Vec<String>> {
+    fn all(
+        &mut self,
+        asset: &Asset,
+        output: &Output,
+        details: &mut WriteDetails,
+    ) -> Result<Vec<String>> {
         let mut warnings;
         let mut quiet = WriteDetails::default();
         match output.backdrop.as_deref().and_then(|beside| Some((beside, asset.apart()?))) {
@@ -118,7 +127,8 @@ impl SetWriter<'_> {
         }
         for (level, files) in asset.levels.iter().zip(&output.levels) {
             // One file of a backdrop serves all levels.
-            let scene = output.backdrop.as_ref().and_then(|_| level.apart()).map(|(scene, _)| scene);
+            let scene =
+                output.backdrop.as_ref().and_then(|_| level.apart()).map(|(scene, _)| scene);
             warnings.extend(self.one(scene.as_ref().unwrap_or(level), files, &mut quiet)?);
         }
         if let Some(path) = &output.tileset {
@@ -132,14 +142,23 @@ impl SetWriter<'_> {
     }
 
     /// The files of one level; returns warnings for the user.
-    fn one(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<Vec<String>> {
+    fn one(
+        &mut self,
+        asset: &Asset,
+        output: &Output,
+        details: &mut WriteDetails,
+    ) -> Result<Vec<String>> {
         let mut main = self.started.take(&output.main)?;
-        let mut second = output.second.as_deref().map(|path| self.started.take(path)).transpose()?;
+        let mut second =
+            output.second.as_deref().map(|path| self.started.take(path)).transpose()?;
         let warnings = output.encode(asset, self.options, &mut main, second.as_mut(), details)?;
         self.written.push(main);
         self.written.extend(second);
         if let (Some(path), Some(texture)) = (&output.picture, &asset.mesh.texture) {
-            self.bytes(path, &self.options.texture_format.bytes(texture.joined().pages[0].picture())?)?;
+            self.bytes(
+                path,
+                &self.options.texture_format.bytes(texture.joined().pages[0].picture())?,
+            )?;
         }
         if let Some((path, text)) = &output.sidecar {
             self.text(path, text)?;
@@ -173,8 +192,11 @@ impl Output {
         let io = |e| Error::io(path, e);
         let name = self.second.as_deref().map(name_of).unwrap_or_default();
         let sky = asset.sky.as_ref().and(self.sky.as_deref()).map(name_of);
-        let named =
-            |encoding| GltfOptions { node_name: self.node.to_owned(), sky_name: sky.clone(), ..encoding };
+        let named = |encoding| GltfOptions {
+            node_name: self.node.to_owned(),
+            sky_name: sky.clone(),
+            ..encoding
+        };
         let has_fronts = (0..asset.scene_faces()).any(|face| asset.mesh.is_single_sided(face));
         let no_sides = (has_fronts && !self.format.has_sides()).then_some(NO_SIDES);
         let written = match (self.format, second) {
@@ -182,8 +204,13 @@ impl Output {
                 let picture = self.picture.as_deref().map(name_of);
                 obj::write(main, mtl, &name, picture.as_deref(), asset).map_err(io)?;
                 let prefer = "OBJ is text (about 3x a GLB) and Godot, Unity and Unreal drop or cull parts of it; prefer GLB";
-                let lost = (asset.mesh.texture.is_some() && picture.is_none()).then_some(NO_TEXTURE);
-                return Ok([Some(prefer), lost, no_sides].into_iter().flatten().map(str::to_owned).collect());
+                let lost =
+                    (asset.mesh.texture.is_some() && picture.is_none()).then_some(NO_TEXTURE);
+                return Ok([Some(prefer), lost, no_sides]
+                    .into_iter()
+                    .flatten()
+                    .map(str::to_owned)
+                    .collect());
             }
             (OutputFormat::Ply, _) => {
                 ply::write_mesh(main, asset, options.ply_face_colors).map_err(io)?;
@@ -196,11 +223,11 @@ impl Output {
                 gltf::write_gltf(main, bin, &name, path, asset, &encoding)?
             }
             (OutputFormat::Html, _) => {
-                let title = path.file_stem().filter(|name| *name != "-").unwrap_or("trisplat".as_ref());
+                let title =
+                    path.file_stem().filter(|name| *name != "-").unwrap_or("trisplat".as_ref());
                 let encoding = options.page_encoding(details);
                 if !asset.mesh.normals.is_empty() {
-                    let unlit =
-                        "html: the page shows colours as they are; `lit` is for files that engines read";
+                    let unlit = "html: the page shows colours as they are; `lit` is for files that engines read";
                     details.notes.get_or_insert_default().push(unlit.into());
                 }
                 let format = options.texture_format;
@@ -226,12 +253,17 @@ fn name_of(path: &Path) -> String {
 }
 
 /// The scene for a phone: without its backdrop, since the room is around it.
-fn encode_usdz(main: &mut AtomicFile, asset: &Asset, options: &OutputOptions) -> Result<Vec<String>> {
+fn encode_usdz(
+    main: &mut AtomicFile,
+    asset: &Asset,
+    options: &OutputOptions,
+) -> Result<Vec<String>> {
     let apart = asset.apart();
     let scene = apart.as_ref().map_or(asset, |(scene, _)| scene);
     let format = options.texture_format;
     let texture = scene.mesh.texture.as_ref();
-    let bytes = texture.map(|texture| format.bytes(texture.joined().pages[0].picture())).transpose()?;
+    let bytes =
+        texture.map(|texture| format.bytes(texture.joined().pages[0].picture())).transpose()?;
     let name = format!("texture.{}", format.ending());
     let picture = bytes.as_ref().map(|bytes| (name.as_str(), bytes.as_slice()));
     usdz::write(main, picture, scene).map_err(|e| Error::io(main.path(), e))?;
@@ -258,7 +290,9 @@ impl Output {
             TilesetTile { uri, bounds, error, replaced: true, children: Vec::new() }
         };
         let root = TilesetTile::chain(self.levels_of(asset).enumerate().map(level));
-        root.map_or_else(String::new, |root| tiles::json(&root, &trisplat_scene::report::generator()))
+        root.map_or_else(String::new, |root| {
+            tiles::json(&root, &trisplat_scene::report::generator())
+        })
     }
 
     /// The file that switches levels in an engine.

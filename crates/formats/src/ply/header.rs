@@ -119,14 +119,19 @@ pub fn read(source: &mut Source) -> Result<Header> {
     source.rewind()?;
     let mut reader = BufReader::with_capacity(1 << 14, &*source.file).take(LONGEST);
     let mut draft = HeaderDraft::default();
-    let (mut line, mut number) = (Vec::new(), 0);
+    let mut line = Vec::new();
+    let mut number = 0;
     loop {
         line.clear();
         reader.read_until(b'\n', &mut line).map_err(io)?;
         number += 1;
         let at = format!("header line {number}");
         if line.last() != Some(&b'\n') {
-            return Err(Error::malformed(&path, at, draft.why_cut_short(reader.limit() == 0, &line)));
+            return Err(Error::malformed(
+                &path,
+                at,
+                draft.why_cut_short(reader.limit() == 0, &line),
+            ));
         }
         let mark = if number == 1 { BYTE_ORDER_MARK } else { &[] };
         let text = String::from_utf8_lossy(line.strip_prefix(mark).unwrap_or(&line));
@@ -136,7 +141,11 @@ pub fn read(source: &mut Source) -> Result<Header> {
     }
     let body = LONGEST - reader.limit();
     let encoding = draft.encoding.ok_or_else(|| {
-        Error::malformed(&path, "header", "has no format line; expected `format binary_little_endian 1.0`")
+        Error::malformed(
+            &path,
+            "header",
+            "has no format line; expected `format binary_little_endian 1.0`",
+        )
     })?;
     Ok(Header { encoding, elements: draft.elements, comments: draft.comments, body })
 }
@@ -191,7 +200,8 @@ impl HeaderDraft {
             }
             "property" => {
                 let property = parse_property(rest)?;
-                let element = self.elements.last_mut().ok_or("a property before the first element")?;
+                let element =
+                    self.elements.last_mut().ok_or("a property before the first element")?;
                 if element.has(&property.name) {
                     return Err(format!("property {} is declared twice", excerpt(&property.name)));
                 }
@@ -200,7 +210,12 @@ impl HeaderDraft {
                 }
                 element.properties.push(property);
             }
-            _ => return Err(format!("cannot make sense of {:?}; is end_header missing?", excerpt(line))),
+            _ => {
+                return Err(format!(
+                    "cannot make sense of {:?}; is end_header missing?",
+                    excerpt(line)
+                ));
+            }
         }
         Ok(false)
     }
@@ -239,13 +254,19 @@ fn parse_property(rest: &str) -> Result<Property, String> {
     };
     match rest.split_whitespace().collect::<Vec<_>>()[..] {
         ["list", count, item, name] => {
-            let (count, item) = (scalar(count)?, scalar(item)?);
+            let count = scalar(count)?;
+            let item = scalar(item)?;
             if !count.is_integer() {
-                return Err(format!("the list {} counts in floats; expected an integer type", excerpt(name)));
+                return Err(format!(
+                    "the list {} counts in floats; expected an integer type",
+                    excerpt(name)
+                ));
             }
             Ok(Property { name: name.to_owned(), kind: PropertyType::List { count, item } })
         }
-        [kind, name] => Ok(Property { name: name.to_owned(), kind: PropertyType::Scalar(scalar(kind)?) }),
+        [kind, name] => {
+            Ok(Property { name: name.to_owned(), kind: PropertyType::Scalar(scalar(kind)?) })
+        }
         _ => Err(format!(
             "expected `property TYPE NAME` or `property list TYPE TYPE NAME`, not {:?}",
             excerpt(rest)

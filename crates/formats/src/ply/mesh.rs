@@ -37,7 +37,9 @@ pub(super) fn read(
     match channels {
         (Some(of_vertices), of_faces) => {
             if of_faces.is_some() {
-                warnings.push("vertices and faces both have colours: those of the vertices are used".into());
+                warnings.push(
+                    "vertices and faces both have colours: those of the vertices are used".into(),
+                );
             }
             let (colors, alpha) = of_vertices.read(vertices, warnings)?;
             mesh.colors = Colors::Vertex(colors);
@@ -96,7 +98,8 @@ fn pictures(
     let face_of = triangles.repeat((0..faces.rows as u32).collect());
     let corners = triangles.indices.as_chunks::<3>().0;
     let mut uvs = faces.placed_corners(vertices.rows, &options.limits)?.of(corners, &face_of);
-    let columns = [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texcoord_u", "texcoord_v"]];
+    let columns =
+        [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texcoord_u", "texcoord_v"]];
     let columns = columns.into_iter().find_map(|[u, v]| vertices.find(u).zip(vertices.find(v)));
     if let (true, Some((u, v))) = (uvs.is_empty(), columns) {
         let mut places = Vec::with_capacity(vertices.rows);
@@ -121,14 +124,21 @@ fn pictures(
             Ok(())
         })?;
     }
-    let number =
-        |face: &u32| numbers.get(*face as usize).map_or(0, |number| usize::try_from(*number).unwrap_or(0));
-    let (mut parts, mut end) = (Vec::new(), 0);
+    let number = |face: &u32| {
+        numbers.get(*face as usize).map_or(0, |number| usize::try_from(*number).unwrap_or(0))
+    };
+    let mut parts = Vec::new();
+    let mut end = 0;
     for run in face_of.chunk_by(|a, b| number(a) == number(b)) {
         let on = end..end + run.len();
         end = on.end;
         let uvs = uvs[on.clone()].to_vec();
-        parts.push(PaintedFaces { image: number(&run[0]), faces: on, uvs, wrap: Default::default() });
+        parts.push(PaintedFaces {
+            image: number(&run[0]),
+            faces: on,
+            uvs,
+            wrap: Default::default(),
+        });
     }
     let read = |(number, name): (usize, &String)| {
         let read = picture(vertices.path, name, options);
@@ -155,7 +165,8 @@ impl Channels {
             .or_else(|| named(["r", "g", "b", "a"]))
             .or_else(|| named(["diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha"]));
         let Some(channels) = channels else { return Ok(None) };
-        let known = |c: &Column| matches!(c.scalar, Scalar::U8 | Scalar::U16 | Scalar::F32 | Scalar::F64);
+        let known =
+            |c: &Column| matches!(c.scalar, Scalar::U8 | Scalar::U16 | Scalar::F32 | Scalar::F64);
         if channels.rgb.iter().chain(&channels.alpha).all(known) {
             return Ok(Some(channels));
         }
@@ -166,10 +177,12 @@ impl Channels {
 
     /// Linear colours, and alpha if any value is below 1. `[rows]`, `[rows]` or `[]`
     fn read(&self, table: &Table, warnings: &mut Vec<String>) -> Result<(Vec<[f32; 3]>, Vec<f32>)> {
-        let (mut colors, mut alpha) = (vec![[0.0; 3]; table.rows], vec![0.0; table.rows]);
+        let mut colors = vec![[0.0; 3]; table.rows];
+        let mut alpha = vec![0.0; table.rows];
         let step = table.rows_per_block();
         let parts = colors.chunks_mut(step).zip(alpha.chunks_mut(step));
-        let blocks = table.blocks(parts, |_, rows, (colors, alpha)| Ok(self.decode(rows, colors, alpha)))?;
+        let blocks =
+            table.blocks(parts, |_, rows, (colors, alpha)| Ok(self.decode(rows, colors, alpha)))?;
         let mut clamped = Clamped::default();
         blocks.into_iter().for_each(|block| clamped.merge(block));
         clamped.report(table.path, warnings)?;
@@ -218,15 +231,22 @@ pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::
         || !face_colors && (matches!(mesh.colors, Colors::Face(_)) || !mesh.opacity.is_empty());
     let vertices = if own { 3 * mesh.face_count() } else { mesh.vertex_count() };
     if vertices > i32::MAX as usize {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "too many vertices for a PLY file"));
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            "too many vertices for a PLY file",
+        ));
     }
     let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
     table::push_comment(&mut header, &to_comment(&asset.provenance));
-    let channels = "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n";
-    header += &format!("element vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n");
+    let channels =
+        "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n";
+    header += &format!(
+        "element vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n"
+    );
     header += if mesh.normals.is_empty() { "" } else { NORMAL };
     header += if face_colors { "" } else { channels };
-    header += &format!("element face {}\nproperty list uchar int vertex_indices\n", mesh.face_count());
+    header +=
+        &format!("element face {}\nproperty list uchar int vertex_indices\n", mesh.face_count());
     header += if face_colors { channels } else { "" };
     header += "end_header\n";
     out.write_all(header.as_bytes())?;
@@ -242,10 +262,16 @@ pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::
 
 const NORMAL: &str = "property float nx\nproperty float ny\nproperty float nz\n";
 
-fn write_vertices(out: &mut dyn Write, mesh: &Mesh, own: bool, face_colors: bool) -> io::Result<()> {
+fn write_vertices(
+    out: &mut dyn Write,
+    mesh: &Mesh,
+    own: bool,
+    face_colors: bool,
+) -> io::Result<()> {
     if own {
         return write_blocks(out, mesh.face_count(), |face, block| {
-            let (colors, opacity) = (mesh.corner_colors(face), opacity(mesh, face));
+            let colors = mesh.corner_colors(face);
+            let opacity = opacity(mesh, face);
             for (corner, color) in mesh.corners(face).into_iter().zip(colors) {
                 push_vector(block, corner);
                 mesh.normals.get(face).iter().for_each(|normal| push_vector(block, **normal));

@@ -20,12 +20,20 @@ pub(super) fn is_soup(faces: &Element) -> bool {
 }
 
 /// The soup, relative to `origin`, with SH up to `options.sh_degree`; higher degrees are skipped.
-pub(super) fn read(vertices: &Table, faces: &Table, origin: DVec3, options: &ReadOptions) -> Result<Soup> {
+pub(super) fn read(
+    vertices: &Table,
+    faces: &Table,
+    origin: DVec3,
+    options: &ReadOptions,
+) -> Result<Soup> {
     let (higher, sh_degree) = faces.sh_columns(options.sh_degree)?;
     let [opacity, sigma] = faces.columns(["opacity", "sigma"])?;
     let mut columns = vec![faces.columns(["f_dc_0", "f_dc_1", "f_dc_2"])?];
     columns.extend(higher);
-    let (count, k, limits, path) = (faces.rows, columns.len(), &options.limits, faces.path.display());
+    let count = faces.rows;
+    let k = columns.len();
+    let limits = &options.limits;
+    let path = faces.path.display();
     let mut soup = Soup {
         vertices: limits.zeroed(&path, count)?,
         opacity: limits.zeroed(&path, count)?,
@@ -37,14 +45,18 @@ pub(super) fn read(vertices: &Table, faces: &Table, origin: DVec3, options: &Rea
     let indices = faces.triangles(vertices.rows, limits)?;
     let step = faces.rows_per_block();
     let parts = soup.opacity.chunks_mut(step).zip(soup.sigma.chunks_mut(step));
-    faces.blocks(parts.zip(soup.sh.chunks_mut(step * k)), |_, rows, ((opacities, sigmas), sh)| {
-        for (i, row) in rows.enumerate() {
-            (opacities[i], sigmas[i]) = (opacity.f32(row), sigma.f32(row));
-            let sh = sh[i * k..].iter_mut().zip(&columns);
-            sh.for_each(|(out, columns)| *out = columns.map(|column| column.f32(row)));
-        }
-        Ok(())
-    })?;
+    faces.blocks(
+        parts.zip(soup.sh.chunks_mut(step * k)),
+        |_, rows, ((opacities, sigmas), sh)| {
+            for (i, row) in rows.enumerate() {
+                opacities[i] = opacity.f32(row);
+                sigmas[i] = sigma.f32(row);
+                let sh = sh[i * k..].iter_mut().zip(&columns);
+                sh.for_each(|(out, columns)| *out = columns.map(|column| column.f32(row)));
+            }
+            Ok(())
+        },
+    )?;
     if let Some(column) = faces.find(SHELL) {
         let flags = |_: usize, rows: ChunksExact<'_, u8>, _: usize| {
             Ok(rows.map(|row| column.f32(row) != 0.0).collect::<Vec<bool>>())
@@ -54,7 +66,8 @@ pub(super) fn read(vertices: &Table, faces: &Table, origin: DVec3, options: &Rea
             soup.shell = Vec::new();
         }
     }
-    let unshared = vertices.rows == 3 * count && indices.iter().enumerate().all(|(i, v)| i == *v as usize);
+    let unshared =
+        vertices.rows == 3 * count && indices.iter().enumerate().all(|(i, v)| i == *v as usize);
     if unshared {
         vertices.read_positions(origin, soup.vertices.as_flattened_mut())?;
     } else {
@@ -80,7 +93,8 @@ pub fn write_soup(
     cameras: &[Camera],
 ) -> io::Result<()> {
     let shell = soup.shell_count() > 0;
-    let mut writer = SoupWriter::start(out, soup.len(), soup.sh_degree, provenance, cameras, shell)?;
+    let mut writer =
+        SoupWriter::start(out, soup.len(), soup.sh_degree, provenance, cameras, shell)?;
     writer.vertices(soup)?;
     writer.faces(soup)?;
     writer.end(cameras)
@@ -112,7 +126,10 @@ impl<'a> SoupWriter<'a> {
         shell: bool,
     ) -> io::Result<Self> {
         if count > i32::MAX as usize / 3 {
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, "too many triangles for a PLY file"));
+            return Err(io::Error::new(
+                io::ErrorKind::InvalidInput,
+                "too many triangles for a PLY file",
+            ));
         }
         out.write_all(header(count, sh_degree, provenance, cameras, shell).as_bytes())?;
         Ok(Self { out, corners_left: count, written: 0, count, sh_degree, shell })
@@ -130,12 +147,13 @@ impl<'a> SoupWriter<'a> {
     ///
     /// Errors: as for [`write_soup`]; other triangles than were announced, or colours of another degree.
     pub fn faces(&mut self, soup: &Soup) -> io::Result<()> {
-        let fits =
-            self.written + soup.len() <= self.count && (soup.sh_degree == self.sh_degree || soup.is_empty());
+        let fits = self.written + soup.len() <= self.count
+            && (soup.sh_degree == self.sh_degree || soup.is_empty());
         if self.corners_left > 0 || !fits {
             return Err(other_count());
         }
-        let (k, first) = (soup.sh_count(), self.written);
+        let k = soup.sh_count();
+        let first = self.written;
         self.written += soup.len();
         write_blocks(self.out, soup.len(), |i, block| {
             let sh = &soup.sh[i * k..(i + 1) * k];
@@ -167,8 +185,15 @@ fn other_count() -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, "other triangles than were announced")
 }
 
-fn header(count: usize, sh_degree: u8, provenance: &Provenance, cameras: &[Camera], shell: bool) -> String {
-    let mut header = String::from("ply\nformat binary_little_endian 1.0\ncomment trisplat soup 1\n");
+fn header(
+    count: usize,
+    sh_degree: u8,
+    provenance: &Provenance,
+    cameras: &[Camera],
+    shell: bool,
+) -> String {
+    let mut header =
+        String::from("ply\nformat binary_little_endian 1.0\ncomment trisplat soup 1\n");
     table::push_comment(&mut header, &to_comment(provenance));
     header += &format!("element vertex {}\n", 3 * count);
     for axis in ["x", "y", "z"] {
@@ -193,8 +218,10 @@ fn header(count: usize, sh_degree: u8, provenance: &Provenance, cameras: &[Camer
 
 const VIEW: &str = "view";
 /// R by rows, t, focal lengths and principal point; then the size, as integers.
-const FLOATS: [&str; 16] =
-    ["r00", "r01", "r02", "r10", "r11", "r12", "r20", "r21", "r22", "tx", "ty", "tz", "fx", "fy", "cx", "cy"];
+const FLOATS: [&str; 16] = [
+    "r00", "r01", "r02", "r10", "r11", "r12", "r20", "r21", "r22", "tx", "ty", "tz", "fx", "fy",
+    "cx", "cy",
+];
 const WHOLE: [&str; 2] = ["width", "height"];
 
 /// The name of the element, empty unless it exists with all properties of a camera.
@@ -219,7 +246,8 @@ fn write_views(out: &mut dyn Write, cameras: &[Camera]) -> io::Result<()> {
     write_blocks(out, cameras.len(), |i, block| {
         let Camera { rotation, translation, focal, center, size } = cameras[i];
         let rows = rotation.transpose().to_cols_array();
-        let rest = translation.to_array().into_iter().chain(focal.to_array()).chain(center.to_array());
+        let rest =
+            translation.to_array().into_iter().chain(focal.to_array()).chain(center.to_array());
         rows.into_iter().chain(rest).for_each(|x| block.extend_from_slice(&x.to_le_bytes()));
         size.to_array().into_iter().for_each(|n| block.extend_from_slice(&n.to_le_bytes()));
     })
@@ -227,10 +255,12 @@ fn write_views(out: &mut dyn Write, cameras: &[Camera]) -> io::Result<()> {
 
 /// The cameras. An error names the first row that is invalid, or whose pictures are too large.
 pub(super) fn read_views(table: &Table, limits: &Limits) -> Result<Vec<Camera>> {
-    let (floats, whole) = (table.columns(FLOATS)?, table.columns(WHOLE)?);
+    let floats = table.columns(FLOATS)?;
+    let whole = table.columns(WHOLE)?;
     let mut cameras = Vec::new();
     table.each_row(|i, row| {
-        let [rotation @ .., tx, ty, tz, fx, fy, cx, cy] = floats.map(|column: Column| column.f32(row));
+        let [rotation @ .., tx, ty, tz, fx, fy, cx, cy] =
+            floats.map(|column: Column| column.f32(row));
         let camera = Camera {
             rotation: Mat3::from_cols_array(&rotation).transpose(),
             translation: Vec3::new(tx, ty, tz),

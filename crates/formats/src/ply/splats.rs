@@ -27,7 +27,8 @@ pub(super) fn read(
     let mut splats = zeroed(&source.path, vertices.rows, columns.sh_degree, &options.limits)?;
     vertices.read_positions(origin, &mut splats.positions)?;
     columns.read(&vertices, &mut splats)?;
-    (columns.are_lengths, columns.are_shares) = (are_lengths(&splats), are_shares(&splats));
+    columns.are_lengths = are_lengths(&splats);
+    columns.are_shares = are_shares(&splats);
     let found = [
         (columns.are_lengths, "its scales are lengths, not logarithms"),
         (columns.are_shares, "its opacities are shares, not logits"),
@@ -67,7 +68,8 @@ impl Columns {
     fn of(vertices: &Table, highest: u8) -> Result<Self> {
         let (higher, sh_degree) = vertices.sh_columns(highest)?;
         let has_colors = vertices.find("f_dc_0").is_none() && vertices.find("red").is_some();
-        let first = if has_colors { ["red", "green", "blue"] } else { ["f_dc_0", "f_dc_1", "f_dc_2"] };
+        let first =
+            if has_colors { ["red", "green", "blue"] } else { ["f_dc_0", "f_dc_1", "f_dc_2"] };
         let mut sh = vec![vertices.columns(first)?];
         let full_color = has_colors.then(|| if sh[0][0].is_byte() { 255.0 } else { 1.0 });
         sh.extend(higher);
@@ -88,7 +90,8 @@ impl Columns {
 
     /// Fills in everything except the positions.
     fn read(&self, vertices: &Table, splats: &mut Splats) -> Result<()> {
-        let (step, k) = (vertices.rows_per_block(), self.sh.len());
+        let step = vertices.rows_per_block();
+        let k = self.sh.len();
         let shapes = splats.scales.chunks_mut(step).zip(splats.rotations.chunks_mut(step));
         let colors = splats.opacity.chunks_mut(step).zip(splats.sh.chunks_mut(step * k));
         vertices.blocks(shapes.zip(colors), |_, rows, ((scales, rotations), (opacity, sh))| {
@@ -110,13 +113,17 @@ impl Columns {
     fn shape(&self, row: &[u8]) -> (Vec3, Quat, f32) {
         let mut scales = [0.0; 3];
         let length = |scale: f64| if self.are_lengths { scale } else { scale.exp() };
-        scales.iter_mut().zip(&self.scales).for_each(|(scale, column)| *scale = length(column.f64(row)));
+        scales
+            .iter_mut()
+            .zip(&self.scales)
+            .for_each(|(scale, column)| *scale = length(column.f64(row)));
         let opacity = self.opacity.f64(row);
         let mut opacity = if self.are_shares { opacity } else { 1.0 / (1.0 + (-opacity).exp()) };
         if let Some(filter) = self.filter {
             let variance = filter.f64(row).powi(2);
             let widened = scales.map(|scale: f64| (scale * scale + variance).sqrt());
-            opacity *= scales.iter().zip(widened).map(|(scale, wide)| scale / wide).product::<f64>();
+            opacity *=
+                scales.iter().zip(widened).map(|(scale, wide)| scale / wide).product::<f64>();
             scales = widened;
         }
         let rotation = unit(self.rotation.map(|column| column.f64(row)));
@@ -138,25 +145,31 @@ const OUTLIERS: f64 = 0.1;
 /// Whether opacities that were read as logits are shares already: all logits are from 0 to 1, and not one number.
 fn are_shares(splats: &Splats) -> bool {
     let highest = (1.0 / (1.0 + (-1.0f64).exp())) as f32;
-    let all = splats.len() >= LEAST_TOLD_APART && splats.opacity.iter().all(|o| (0.5..=highest).contains(o));
+    let all = splats.len() >= LEAST_TOLD_APART
+        && splats.opacity.iter().all(|o| (0.5..=highest).contains(o));
     all && splats.opacity.iter().any(|o| *o != splats.opacity[0])
 }
 
 /// Whether scales that were read as logarithms are lengths already: none is negative, and lengths fit the distance of neighbours better.
 fn are_lengths(splats: &Splats) -> bool {
-    let all = splats.scales.iter().flat_map(|scales| scales.to_array()).filter(|scale| *scale != 0.0);
+    let all =
+        splats.scales.iter().flat_map(|scales| scales.to_array()).filter(|scale| *scale != 0.0);
     if splats.len() < LEAST_TOLD_APART || all.clone().any(|scale| scale < 1.0) {
         return false;
     }
     let positions = |axis: usize| {
-        let mut all: Vec<f32> = splats.positions.iter().map(|p| p[axis]).filter(|x| x.is_finite()).collect();
+        let mut all: Vec<f32> =
+            splats.positions.iter().map(|p| p[axis]).filter(|x| x.is_finite()).collect();
         all.sort_unstable_by(f32::total_cmp);
         let cut = (OUTLIERS * all.len() as f64) as usize;
-        all.get(cut).zip(all.get(all.len().saturating_sub(cut + 1))).map_or(0.0, |(a, b)| f64::from(b - a))
+        all.get(cut)
+            .zip(all.get(all.len().saturating_sub(cut + 1)))
+            .map_or(0.0, |(a, b)| f64::from(b - a))
     };
     let extent = DVec3::new(positions(0), positions(1), positions(2)).length();
     let usual = USUAL * extent / (splats.len() as f64).sqrt();
-    let (largest, middle) = (all.clone().fold(0.0, f32::max), median(all.collect(), f32::total_cmp));
+    let largest = all.clone().fold(0.0, f32::max);
+    let middle = median(all.collect(), f32::total_cmp);
     let middle = f64::from(middle.unwrap_or(1.0));
     let off = |size: f64| (size / usual).ln().abs();
     f64::from(largest) > LARGEST * extent || off(middle.ln()) < off(middle)
@@ -173,14 +186,21 @@ const RANGES: [&str; 9] = ["x", "y", "z", "scale_x", "scale_y", "scale_z", "r", 
 type Ranges = [[f64; 2]; RANGES.len()];
 
 /// The Gaussians.
-pub(super) fn read_packed(source: &Source, header: &Header, options: &ReadOptions) -> Result<Splats> {
-    let (path, limits) = (&source.path, &options.limits);
-    let [chunks, vertices, sh] = table::open(source, header, ["chunk", "vertex", "sh"], false, limits)?;
-    let (chunks, vertices) =
-        (table::required(chunks, source, "chunk")?, table::required(vertices, source, "vertex")?);
+pub(super) fn read_packed(
+    source: &Source,
+    header: &Header,
+    options: &ReadOptions,
+) -> Result<Splats> {
+    let path = &source.path;
+    let limits = &options.limits;
+    let [chunks, vertices, sh] =
+        table::open(source, header, ["chunk", "vertex", "sh"], false, limits)?;
+    let chunks = table::required(chunks, source, "chunk")?;
+    let vertices = table::required(vertices, source, "vertex")?;
     let count = vertices.rows;
     if chunks.rows != count.div_ceil(CHUNK) {
-        let reason = format!("{} chunks of {CHUNK} cannot hold exactly {count} Gaussians", chunks.rows);
+        let reason =
+            format!("{} chunks of {CHUNK} cannot hold exactly {count} Gaussians", chunks.rows);
         return Err(Error::malformed(path, "element chunk", reason));
     }
     let (higher, degree) =
@@ -207,12 +227,16 @@ fn read_ranges(chunks: &Table) -> Result<Vec<Ranges>> {
     let has_colors = chunks.find("min_r").is_some();
     let mut columns = Vec::new();
     for name in &RANGES[..if has_colors { RANGES.len() } else { 6 }] {
-        columns.push([chunks.column(&format!("min_{name}"))?, chunks.column(&format!("max_{name}"))?]);
+        columns
+            .push([chunks.column(&format!("min_{name}"))?, chunks.column(&format!("max_{name}"))?]);
     }
     let mut out = Vec::new();
     chunks.each_row(|_, row| {
         let mut ranges = [[0.0, 1.0]; RANGES.len()];
-        ranges.iter_mut().zip(&columns).for_each(|(range, c)| *range = c.map(|column| column.f64(row)));
+        ranges
+            .iter_mut()
+            .zip(&columns)
+            .for_each(|(range, c)| *range = c.map(|column| column.f64(row)));
         out.push(ranges);
         Ok(())
     })?;

@@ -58,7 +58,9 @@ pub(super) fn open<'a, const N: usize>(
 ) -> Result<[Option<Table<'a>>; N]> {
     let place = |element: &Element| format!("{}: element {}", source.path.display(), element.name);
     header.element("face").map_or(Ok(()), |face| limits.triangles(place(face), face.rows))?;
-    header.element("vertex").map_or(Ok(()), |vertex| limits.vertices(place(vertex), vertex.rows))?;
+    header
+        .element("vertex")
+        .map_or(Ok(()), |vertex| limits.vertices(place(vertex), vertex.rows))?;
     let slot = |element: &Element| names.iter().position(|name| *name == element.name);
     let last = header.elements.iter().rposition(|e| slot(e).is_some()).map_or(0, |last| last + 1);
     let mut tables = [const { None }; N];
@@ -79,7 +81,11 @@ pub(super) fn open<'a, const N: usize>(
 }
 
 /// A table that the file must have.
-pub(super) fn required<'a>(table: Option<Table<'a>>, source: &Source, name: &str) -> Result<Table<'a>> {
+pub(super) fn required<'a>(
+    table: Option<Table<'a>>,
+    source: &Source,
+    name: &str,
+) -> Result<Table<'a>> {
     table.ok_or_else(|| Error::malformed(&source.path, "header", format!("has no element {name}")))
 }
 
@@ -124,12 +130,15 @@ impl<'a> Table<'a> {
                 PropertyType::List { .. } => {}
             }
         }
-        if table.is_in_place(encoding, wanted) && table.fits(source.len.saturating_sub(at), wanted)? {
+        if table.is_in_place(encoding, wanted)
+            && table.fits(source.len.saturating_sub(at), wanted)?
+        {
             let end = at + element.rows * table.stride as u64;
             return Ok((table, end));
         }
         let out = transcode::rows(source, encoding, element, at, wanted)?;
-        (table.body, table.polygons) = (Body::Memory(out.bytes), out.polygons);
+        table.body = Body::Memory(out.bytes);
+        table.polygons = out.polygons;
         table.places = (out.places, out.places_until);
         Ok((table, out.end))
     }
@@ -156,7 +165,8 @@ impl<'a> Table<'a> {
     /// rows longer, or which are cut short: [`super::transcode`] names the first bad one. If polygons are not
     /// permitted, faces are checked during reading.
     fn fits(&self, left: u64, wanted: Wanted) -> Result<bool> {
-        let (rows, stride) = (self.element.rows, self.stride as u64);
+        let rows = self.element.rows;
+        let stride = self.stride as u64;
         let enough = rows.checked_mul(stride).is_some_and(|bytes| bytes <= left);
         match self.corners {
             None if !enough => Err(self.malformed(format!(
@@ -202,8 +212,9 @@ impl<'a> Table<'a> {
             )));
         };
         let kept = degree.min(highest);
-        let column =
-            |channel: usize, k: usize| self.column(&format!("f_rest_{}", channel * count(degree) + k));
+        let column = |channel: usize, k: usize| {
+            self.column(&format!("f_rest_{}", channel * count(degree) + k))
+        };
         let all = (0..count(kept)).map(|k| Ok([column(0, k)?, column(1, k)?, column(2, k)?]));
         Ok((all.collect::<Result<_>>()?, kept))
     }
@@ -243,7 +254,8 @@ impl<'a> Table<'a> {
     ///
     /// Errors: those of the operating system and of `each`.
     pub fn each_row(&self, mut each: impl FnMut(usize, &[u8]) -> Result<()>) -> Result<()> {
-        let (step, mut buffer) = (self.rows_per_block(), Vec::new());
+        let step = self.rows_per_block();
+        let mut buffer = Vec::new();
         for first in (0..self.rows).step_by(step) {
             let rows = self.block(first, step.min(self.rows - first), &mut buffer)?;
             let mut rows = rows.chunks_exact(self.stride.max(1)).enumerate();
@@ -254,7 +266,8 @@ impl<'a> Table<'a> {
 
     /// `rows` rows from `first` on, read into `buffer` if they are not in memory.
     fn block<'b>(&'b self, first: usize, rows: usize, buffer: &'b mut Vec<u8>) -> Result<&'b [u8]> {
-        let (from, len) = (first * self.stride, rows * self.stride);
+        let from = first * self.stride;
+        let len = rows * self.stride;
         match &self.body {
             Body::Memory(bytes) => Ok(&bytes[from..from + len]),
             Body::File(file, offset) => {
@@ -302,7 +315,8 @@ impl<'a> Table<'a> {
         if !first.scalar.is_integer() {
             return Err(self.malformed("has float corner numbers; expected an integer type"));
         }
-        let corners = [0, 1, 2].map(|i| Column { offset: first.offset + i * first.scalar.size(), ..first });
+        let corners =
+            [0, 1, 2].map(|i| Column { offset: first.offset + i * first.scalar.size(), ..first });
         let mut indices = limits.zeroed::<u32>(self.path.display(), self.rows * 3)?;
         self.blocks(indices.chunks_mut(3 * self.rows_per_block()), |face, rows, out| {
             for (i, (row, out)) in rows.zip(out.as_chunks_mut::<3>().0).enumerate() {
@@ -331,18 +345,21 @@ impl<'a> Table<'a> {
 
     /// The texture coordinates that faces list for their corners, which are below `vertices`.
     pub(super) fn placed_corners(&self, vertices: usize, limits: &Limits) -> Result<PlacedCorners> {
-        let ((numbers, until), mut placed) = (&self.places, PlacedCorners::default());
+        let (numbers, until) = &self.places;
+        let mut placed = PlacedCorners::default();
         if until.is_empty() {
             return Ok(placed);
         }
-        let (indices, mut first) = (self.triangles(vertices, limits)?, 0);
+        let indices = self.triangles(vertices, limits)?;
+        let mut first = 0;
         let mut polygons = self.polygons.iter().peekable();
         for ((face, triangle), end) in indices.chunks_exact(3).enumerate().zip(until) {
             let corners = match polygons.next_if(|(polygon, _)| *polygon == face) {
                 Some((_, listed)) => listed.iter().map(|corner| *corner as u32).collect(),
                 None => triangle.to_vec(),
             };
-            for (vertex, place) in corners.into_iter().zip(numbers[first..*end].as_chunks::<2>().0) {
+            for (vertex, place) in corners.into_iter().zip(numbers[first..*end].as_chunks::<2>().0)
+            {
                 placed.push(face, vertex, placed.places.len() as u32);
                 placed.places.push(Vec2::from(*place));
             }
@@ -358,7 +375,8 @@ impl<'a> Table<'a> {
         if self.polygons.is_empty() {
             return Ok(Faces::from_triangles(indices));
         }
-        let (mut out, mut polygons) = (Faces::default(), self.polygons.iter().peekable());
+        let mut out = Faces::default();
+        let mut polygons = self.polygons.iter().peekable();
         for (face, triangle) in indices.chunks_exact(3).enumerate() {
             let pushed = match polygons.next_if(|(polygon, _)| *polygon == face) {
                 Some((_, listed)) => {

@@ -59,7 +59,10 @@ pub(super) fn rows(
             let reason = match fault.kind() {
                 ErrorKind::InvalidData => fault.to_string(),
                 ErrorKind::UnexpectedEof => {
-                    format!("the file ends here, but promises {} rows: it was cut short", element.rows)
+                    format!(
+                        "the file ends here, but promises {} rows: it was cut short",
+                        element.rows
+                    )
                 }
                 _ => return Error::io(&source.path, fault),
             };
@@ -86,7 +89,13 @@ struct Input<'a> {
 }
 
 impl Input<'_> {
-    fn row(&mut self, element: &Element, row: usize, wanted: Wanted, out: &mut Transcoded) -> io::Result<()> {
+    fn row(
+        &mut self,
+        element: &Element,
+        row: usize,
+        wanted: Wanted,
+        out: &mut Transcoded,
+    ) -> io::Result<()> {
         for property in &element.properties {
             match property.kind {
                 PropertyType::Scalar(scalar) => {
@@ -155,7 +164,8 @@ impl Input<'_> {
     }
 
     fn skip_list(&mut self, length: i64, item: Scalar) -> io::Result<()> {
-        let length = u64::try_from(length).map_err(|_| fault(format!("a list of {length} numbers")))?;
+        let length =
+            u64::try_from(length).map_err(|_| fault(format!("a list of {length} numbers")))?;
         if self.encoding != Encoding::Ascii {
             return self.skip(length * item.size() as u64);
         }

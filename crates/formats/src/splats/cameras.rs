@@ -39,7 +39,11 @@ pub fn read_cameras(path: &Path, origin: DVec3, limits: &Limits) -> Result<Vec<(
         return Err(Error::malformed(path, "cameras", "there are none in the list"));
     }
     limits.nodes(path.display(), entries.len() as u64)?;
-    entries.into_iter().enumerate().map(|(i, entry)| entry.camera(path, i, origin, limits)).collect()
+    entries
+        .into_iter()
+        .enumerate()
+        .map(|(i, entry)| entry.camera(path, i, origin, limits))
+        .collect()
 }
 
 /// What is wrong with numbers that are no camera.
@@ -47,7 +51,13 @@ pub(crate) const NO_CAMERA: &str =
     "is no camera: expected finite numbers, a rotation, focal lengths and a size above 0";
 
 impl Entry {
-    fn camera(self, path: &Path, i: usize, origin: DVec3, limits: &Limits) -> Result<(String, Camera)> {
+    fn camera(
+        self,
+        path: &Path,
+        i: usize,
+        origin: DVec3,
+        limits: &Limits,
+    ) -> Result<(String, Camera)> {
         let to_world = DMat3::from_cols_array_2d(&self.rotation).transpose();
         let rotation = to_world.transpose();
         let size = UVec2::new(self.width, self.height);
@@ -61,7 +71,8 @@ impl Entry {
             size,
         };
         limits.camera(format!("{}: camera {i}", path.display()), size)?;
-        let turns = (rotation * to_world).abs_diff_eq(DMat3::IDENTITY, 0.01) && rotation.determinant() > 0.0;
+        let turns = (rotation * to_world).abs_diff_eq(DMat3::IDENTITY, 0.01)
+            && rotation.determinant() > 0.0;
         if !turns || camera.validate(limits).is_err() {
             return Err(Error::malformed(path, format!("camera {i}"), NO_CAMERA));
         }
@@ -76,10 +87,14 @@ pub(crate) fn add_beside(path: &Path, loaded: &mut ImportedSplats, limits: &Limi
     let fitted = read_cameras(&list, origin, limits).map(|mut cameras| {
         let turn = fitting_turn(&cameras, &loaded.splats, origin.as_vec3())?;
         if turn != Mat3::IDENTITY {
-            cameras.iter_mut().for_each(|(_, camera)| *camera = turned(camera, turn, origin.as_vec3()));
-            let (list, axes) = (list.display(), axes(turn));
-            let warning =
-                format!("{list}: its cameras are of another frame; turned ({axes}), they fit the Gaussians");
+            cameras
+                .iter_mut()
+                .for_each(|(_, camera)| *camera = turned(camera, turn, origin.as_vec3()));
+            let list = list.display();
+            let axes = axes(turn);
+            let warning = format!(
+                "{list}: its cameras are of another frame; turned ({axes}), they fit the Gaussians"
+            );
             loaded.warnings.push(warning);
         }
         Some(cameras)
@@ -99,10 +114,14 @@ pub(crate) fn add_beside(path: &Path, loaded: &mut ImportedSplats, limits: &Limi
 pub(crate) fn beside(path: &Path) -> Option<PathBuf> {
     let folder = path.parent()?;
     let is_named = |folder: &Path, start: &str| {
-        folder.file_name().and_then(|name| name.to_str()).is_some_and(|name| name.starts_with(start))
+        folder
+            .file_name()
+            .and_then(|name| name.to_str())
+            .is_some_and(|name| name.starts_with(start))
     };
-    let output =
-        folder.parent().filter(|above| is_named(folder, "iteration_") && is_named(above, "point_cloud"));
+    let output = folder
+        .parent()
+        .filter(|above| is_named(folder, "iteration_") && is_named(above, "point_cloud"));
     let lists = [
         Some(path.with_extension("cameras.json")),
         Some(folder.join("cameras.json")),
@@ -137,16 +156,19 @@ fn fitting_turn(cameras: &[(String, Camera)], splats: &Splats, origin: Vec3) -> 
     if cameras.len() < LEAST_CAMERAS {
         return Some(Mat3::IDENTITY);
     }
-    let chosen: Vec<&Camera> = evenly_spaced(cameras.len(), CAMERAS).map(|i| &cameras[i].1).collect();
+    let chosen: Vec<&Camera> =
+        evenly_spaced(cameras.len(), CAMERAS).map(|i| &cameras[i].1).collect();
     let share = splats.len() as f32 / splats.len().min(GAUSSIANS) as f32;
     let sample = evenly_spaced(splats.len(), GAUSSIANS).map(|i| {
         let [x, y, z] = splats.scales[i].to_array();
         let area = TAU * (x * y).max(x * z).max(y * z) * splats.opacity[i];
         (splats.positions[i], area * share)
     });
-    let (sample, turns) = (sample.collect::<Vec<_>>(), turns());
+    let sample = sample.collect::<Vec<_>>();
+    let turns = turns();
     let found = parallel::map(&turns, |_, turn| {
-        let cameras: Vec<Camera> = chosen.iter().map(|camera| turned(camera, *turn, origin)).collect();
+        let cameras: Vec<Camera> =
+            chosen.iter().map(|camera| turned(camera, *turn, origin)).collect();
         explained(&cameras, &sample)
     });
     let score = |i: usize| found[i].0 * found[i].1;
@@ -160,7 +182,8 @@ fn fitting_turn(cameras: &[(String, Camera)], splats: &Splats, origin: Vec3) -> 
 
 /// The share of the Gaussians, given by position and area, that are in front for some camera, and the share of the pictures that they cover.
 fn explained(cameras: &[Camera], sample: &[(Vec3, f32)]) -> (f32, f32) {
-    let (mut front, mut covered) = (vec![0.0f32; sample.len()], 0.0);
+    let mut front = vec![0.0f32; sample.len()];
+    let mut covered = 0.0;
     for camera in cameras {
         let cell_px = camera.size.as_vec2() / CELLS as f32;
         let unit_area = camera.focal.element_product() / cell_px.element_product();
@@ -192,7 +215,10 @@ fn turned(camera: &Camera, turn: Mat3, origin: Vec3) -> Camera {
 fn turns() -> Vec<Mat3> {
     let axes = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z];
     let pairs = axes.iter().flat_map(|x| axes.iter().map(move |y| (*x, *y)));
-    pairs.filter(|(x, y)| x.dot(*y) == 0.0).map(|(x, y)| Mat3::from_cols(x, y, x.cross(y))).collect()
+    pairs
+        .filter(|(x, y)| x.dot(*y) == 0.0)
+        .map(|(x, y)| Mat3::from_cols(x, y, x.cross(y)))
+        .collect()
 }
 
 /// What a turn makes of x, y, z: "x, -z, y".

@@ -102,8 +102,9 @@ impl Picture {
 
 /// Whether an open zip archive is a scene in SOG. A broken one is not.
 pub(crate) fn is_sog(source: &mut Source) -> Result<bool> {
-    let names =
-        zip::ZipArchive::new(BufReader::new(&*source.file)).map(|zip| names(&zip)).unwrap_or_default();
+    let names = zip::ZipArchive::new(BufReader::new(&*source.file))
+        .map(|zip| names(&zip))
+        .unwrap_or_default();
     source.rewind()?;
     Ok(format::is_sog(&names))
 }
@@ -136,7 +137,8 @@ impl<'a> Archive<'a> {
         let path = &source.path;
         let zip = zip::ZipArchive::new(BufReader::new(&*source.file))
             .map_err(|e| Error::malformed(path, "zip directory", e.to_string()))?;
-        let meta = names(&zip).into_iter().find(|name| name.rsplit('/').next() == Some("meta.json"));
+        let meta =
+            names(&zip).into_iter().find(|name| name.rsplit('/').next() == Some("meta.json"));
         let folder = meta.and_then(|name| name.strip_suffix("meta.json").map(str::to_owned));
         Ok(Self { path, zip, folder: folder.unwrap_or_default(), len: source.len, limits: *limits })
     }
@@ -149,13 +151,18 @@ impl<'a> Archive<'a> {
             .map_err(|e| Error::malformed(self.path, name, format!("cannot be read: {e}")))?;
         let promised = entry.size();
         if promised > most {
-            let reason = format!("unpacks to {promised} bytes; what it stands for needs at most {most}");
+            let reason =
+                format!("unpacks to {promised} bytes; what it stands for needs at most {most}");
             return Err(Error::malformed(self.path, name, reason));
         }
         let bytes = read_all(self.path, entry, promised, &self.limits)
             .map_err(|e| Error::malformed(self.path, name, format!("cannot be read: {e}")))?;
         if bytes.len() as u64 != promised {
-            return Err(Error::malformed(self.path, name, "is shorter or longer than the archive says"));
+            return Err(Error::malformed(
+                self.path,
+                name,
+                "is shorter or longer than the archive says",
+            ));
         }
         Ok(bytes)
     }
@@ -184,25 +191,30 @@ impl<'a> Archive<'a> {
     }
 
     fn splats(&mut self, meta: &Meta, highest: u8) -> Result<Splats> {
-        let (count, len) = (meta.count, self.len);
+        let count = meta.count;
+        let len = self.len;
         self.limits.vertices(self.path.display(), count as u64)?;
         if count as u64 * PER_SPLAT > MAX_UNPACK_RATIO.saturating_mul(len) {
-            let reason = format!("promises {count} Gaussians, more than a file of {len} bytes can hold");
+            let reason =
+                format!("promises {count} Gaussians, more than a file of {len} bytes can hold");
             return Err(Error::malformed(self.path, "meta.json", reason));
         }
-        let (scale_codes, color_codes) =
-            (self.codes(&meta.scales.codebook)?, self.codes(&meta.sh0.codebook)?);
+        let scale_codes = self.codes(&meta.scales.codebook)?;
+        let color_codes = self.codes(&meta.sh0.codebook)?;
         // No more than two pictures are in memory at once.
         let [low, high] = [&meta.means.files[0], &meta.means.files[1]];
-        let (low, high) = (self.picture_of(low, count)?, self.picture_of(high, count)?);
+        let low = self.picture_of(low, count)?;
+        let high = self.picture_of(high, count)?;
         let degree = meta.higher.as_ref().map_or(0, |higher| higher.bands.min(highest));
         let mut splats = zeroed(self.path, count, degree.min(3), &self.limits)?;
         let k = splats.sh_count();
-        for (position, (low, high)) in splats.positions.iter_mut().zip(low.pixels().iter().zip(high.pixels()))
+        for (position, (low, high)) in
+            splats.positions.iter_mut().zip(low.pixels().iter().zip(high.pixels()))
         {
             let mean = |axis: usize| {
                 let share = f64::from(u16::from_le_bytes([low[axis], high[axis]])) / 65535.0;
-                let (min, max) = (meta.means.mins[axis], meta.means.maxs[axis]);
+                let min = meta.means.mins[axis];
+                let max = meta.means.maxs[axis];
                 let logarithm = min + (max - min) * share;
                 (logarithm.abs().exp() - 1.0) * logarithm.signum()
             };
@@ -254,7 +266,8 @@ impl<'a> Archive<'a> {
 
     /// Coefficients above degree 0.
     fn add_higher(&mut self, higher: &Higher, splats: &mut Splats) -> Result<()> {
-        let (count, k) = (splats.len(), splats.sh_count());
+        let count = splats.len();
+        let k = splats.sh_count();
         if !(1..=3).contains(&higher.bands) {
             let reason = format!("has shN of {} bands; expected 1 to 3", higher.bands);
             return Err(Error::malformed(self.path, "meta.json", reason));
@@ -264,7 +277,8 @@ impl<'a> Archive<'a> {
         let lists = self.picture(&higher.files[0], 0, MOST_LISTS * per_list)?;
         let labels = self.picture_of(&higher.files[1], count)?;
         if lists.rgba.width() as usize != LISTS_PER_ROW * per_list {
-            let reason = format!("is {} px wide; expected {}", lists.rgba.width(), LISTS_PER_ROW * per_list);
+            let reason =
+                format!("is {} px wide; expected {}", lists.rgba.width(), LISTS_PER_ROW * per_list);
             return Err(Error::malformed(self.path, lists.name, reason));
         }
         for (i, [low, high, ..]) in labels.pixels().iter().take(count).enumerate() {

@@ -22,7 +22,9 @@ use ruzstd::decoding::StreamingDecoder;
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::io::Read;
 use std::path::Path;
-use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, ScreenFilter, Splats, UpAxis};
+use trisplat_scene::{
+    Error, ImportedSplats, Limits, Provenance, Result, ScreenFilter, Splats, UpAxis,
+};
 
 const HEADER: usize = 16;
 /// Of version 4.
@@ -44,7 +46,8 @@ type Next<'a> = dyn FnMut(u64) -> Result<Vec<u8>> + 'a;
 /// The Gaussians of the file. Nothing is unpacked beyond what the header's count needs, one array at a time.
 pub(crate) fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
     let is_plain = source.head()?.starts_with(b"NGSP");
-    let (path, limits) = (&source.path, &options.limits);
+    let path = &source.path;
+    let limits = &options.limits;
     let file = std::io::BufReader::new(&*source.file);
     let splats = if is_plain {
         let bytes = read_all(path, file, source.len, limits)?;
@@ -72,14 +75,18 @@ fn frames<'a>(
     bytes: &'a [u8],
     limits: &'a Limits,
 ) -> Result<impl FnMut(u64) -> Result<Vec<u8>> + 'a> {
-    let cut = move |place: &str| Error::malformed(path, place, "lies beyond the end of the file: cut short");
+    let cut = move |place: &str| {
+        Error::malformed(path, place, "lies beyond the end of the file: cut short")
+    };
     if bytes.len() < LONG_HEADER || word(bytes, 4) != 4 {
         return Err(cut("table of arrays"));
     }
-    let (table, arrays) = (word(bytes, 16) as usize, usize::from(bytes[15]));
+    let table = word(bytes, 16) as usize;
+    let arrays = usize::from(bytes[15]);
     let lengths = bytes.get(table..).and_then(|rest| rest.get(..16 * arrays));
     let lengths = lengths.ok_or_else(|| cut("table of arrays"))?;
-    let (mut packed, mut entries) = (&bytes[table + lengths.len()..], lengths.chunks_exact(16).enumerate());
+    let mut packed = &bytes[table + lengths.len()..];
+    let mut entries = lengths.chunks_exact(16).enumerate();
     Ok(move |wanted: u64| {
         let Some((i, entry)) = entries.next() else { return Ok(Vec::new()) };
         let place = format!("array {i}");
@@ -110,9 +117,13 @@ impl Header {
     fn parse(source: &Source, bytes: &[u8], limits: &Limits) -> Result<Self> {
         let malformed = |reason: String| Error::malformed(&source.path, "header", reason);
         if bytes.len() < HEADER || !bytes.starts_with(b"NGSP") {
-            return Err(malformed("does not begin with NGSP: not an SPZ file, or a broken one".to_owned()));
+            return Err(malformed(
+                "does not begin with NGSP: not an SPZ file, or a broken one".to_owned(),
+            ));
         }
-        let (version, sh_degree, fractional_bits) = (word(bytes, 4), bytes[12], bytes[13]);
+        let version = word(bytes, 4);
+        let sh_degree = bytes[12];
+        let fractional_bits = bytes[13];
         if !(2..=4).contains(&version) {
             return Err(format::unread(&source.path, &format!("SPZ version {version}")));
         }
@@ -123,7 +134,8 @@ impl Header {
             return Err(malformed(reason));
         }
         let count = word(bytes, 8) as usize;
-        let header = Self { version, count, sh_degree, fractional_bits, antialiased: bytes[14] & 1 == 1 };
+        let header =
+            Self { version, count, sh_degree, fractional_bits, antialiased: bytes[14] & 1 == 1 };
         let per_splat = header.arrays().iter().sum::<usize>();
         if count as u64 * per_splat as u64 > MAX_UNPACK_RATIO.saturating_mul(source.len) {
             let reason = format!(
@@ -147,10 +159,12 @@ impl Header {
         let mut array = |each: usize| {
             let wanted = self.count as u64 * each as u64;
             let array = next(wanted)?;
-            let (count, has) = (self.count, array.len());
+            let count = self.count;
+            let has = array.len();
             if has as u64 != wanted {
-                let reason =
-                    format!("promises {count} Gaussians; an array has {has} of {wanted} bytes: cut short");
+                let reason = format!(
+                    "promises {count} Gaussians; an array has {has} of {wanted} bytes: cut short"
+                );
                 return Err(Error::malformed(path, "header", reason));
             }
             Ok(array)
@@ -158,7 +172,8 @@ impl Header {
         let degree = self.sh_degree.min(options.sh_degree);
         let positions = array(9)?;
         let mut splats = zeroed(path, self.count, degree, &options.limits)?;
-        let (k, unit_length) = (splats.sh_count(), 0.5f64.powi(self.fractional_bits.into()));
+        let k = splats.sh_count();
+        let unit_length = 0.5f64.powi(self.fractional_bits.into());
         for (position, bytes) in splats.positions.iter_mut().zip(positions.as_chunks::<9>().0) {
             let fixed = |axis: usize| {
                 let [low, middle, high] = [0, 1, 2].map(|at| bytes[3 * axis + at]);
@@ -201,7 +216,9 @@ fn rotation(bytes: &[u8]) -> [f64; 4] {
         w = (1.0 - x * x - y * y - z * z).max(0.0).sqrt();
     } else if let [a, b, c, d] = *bytes {
         let mut word = u32::from_le_bytes([a, b, c, d]);
-        let (largest, mut squares, mut parts) = ((word >> 30) as usize, 0.0, [0.0; 4]);
+        let largest = (word >> 30) as usize;
+        let mut squares = 0.0;
+        let mut parts = [0.0; 4];
         for i in (0..4).rev().filter(|i| *i != largest) {
             let size = FRAC_1_SQRT_2 * f64::from(word & 511) / 511.0;
             parts[i] = if word >> 9 & 1 == 1 { -size } else { size };

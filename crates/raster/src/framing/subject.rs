@@ -47,7 +47,8 @@ impl Subject {
     /// `None` without extent.
     pub fn of(points: &[Vec3], cameras: &[Camera]) -> Option<Self> {
         let step = points.len().div_ceil(MOST_POINTS).max(1);
-        let points: Vec<Vec3> = points.iter().copied().step_by(step).filter(|p| p.is_finite()).collect();
+        let points: Vec<Vec3> =
+            points.iter().copied().step_by(step).filter(|p| p.is_finite()).collect();
         let outside = |object: &Self| cameras.iter().all(|camera| !object.holds(camera.position()));
         let alone = (!cameras.is_empty()).then(|| object(&points).filter(outside)).flatten();
         alone.or_else(|| photographed(&points, cameras)).or_else(|| dense(&points))
@@ -72,12 +73,15 @@ fn photographed(points: &[Vec3], cameras: &[Camera]) -> Option<Subject> {
     let step = cameras.len().div_ceil(MOST_CAMERAS).max(1);
     let cameras: Vec<Camera> = cameras.iter().copied().step_by(step).collect();
     let focus = camera::focus(cameras.iter())?;
-    let away = median(cameras.iter().map(|c| c.position().distance(focus)).collect(), f32::total_cmp)?;
-    let near: Vec<Vec3> = points.iter().copied().filter(|p| p.distance(focus) <= WITHIN * away).collect();
+    let away =
+        median(cameras.iter().map(|c| c.position().distance(focus)).collect(), f32::total_cmp)?;
+    let near: Vec<Vec3> =
+        points.iter().copied().filter(|p| p.distance(focus) <= WITHIN * away).collect();
     let frames = |point: &Vec3| cameras.iter().filter(|camera| camera.frames(*point)).count();
     let counts: Vec<usize> = near.iter().map(frames).collect();
     let least = FRAMED * counts.iter().copied().max()? as f32;
-    let subject = near.iter().zip(&counts).filter(|(_, count)| **count as f32 >= least).map(|(p, _)| *p);
+    let subject =
+        near.iter().zip(&counts).filter(|(_, count)| **count as f32 >= least).map(|(p, _)| *p);
     ball(&subject.collect::<Vec<_>>(), RADIUS_QUANTILE)
 }
 
@@ -86,7 +90,8 @@ fn object(points: &[Vec3]) -> Option<Subject> {
     let [half, all] = [0.5, ALL_QUANTILE].map(|share| ball(points, share).map(|ball| ball.radius));
     let ends = (OBJECT * half?).min(SHARP_END * all?);
     let whole = ball(points, OBJECT_QUANTILE).filter(|whole| whole.radius <= ends)?;
-    let around = Subject::around(&points.iter().copied().filter(|p| whole.holds(*p)).collect::<Vec<_>>())?;
+    let around =
+        Subject::around(&points.iter().copied().filter(|p| whole.holds(*p)).collect::<Vec<_>>())?;
     Some(Subject { is_alone: true, ..around })
 }
 
@@ -152,7 +157,8 @@ impl Survey {
     ) -> Self {
         let step = count.div_ceil(MOST_FACES).max(1);
         let growth = (step as f32).sqrt().min(MOST_GROWTH);
-        let (mut positions, mut of_subject) = (Vec::new(), Vec::new());
+        let mut positions = Vec::new();
+        let mut of_subject = Vec::new();
         let mut single_sided = Vec::new();
         for face in (0..count).step_by(step) {
             let corners = corners(face);
@@ -181,14 +187,18 @@ impl Survey {
         let options = SolidRasterOptions { near, ..SolidRasterOptions::default() };
         let drawn = self.solid.visibility(&self.mesh, &camera, &options);
         let depth = (camera.rotation * self.subject.center + camera.translation).z;
-        let (mut seen, mut filled, mut blocked) = (vec![false; self.of_subject.len()], 0, 0);
+        let mut seen = vec![false; self.of_subject.len()];
+        let mut filled = 0;
+        let mut blocked = 0;
         for (face, z) in drawn.face.iter().zip(&drawn.depth).filter(|(face, _)| **face != NO_FACE) {
             let face = *face as usize;
             seen[face] = true;
             filled += usize::from(self.of_subject[face]);
             blocked += usize::from(*z < IN_THE_WAY * depth && !self.of_subject[face]);
         }
-        let (mut all, mut shown, mut framed) = (0usize, 0usize, 0usize);
+        let mut all = 0usize;
+        let mut shown = 0usize;
+        let mut framed = 0usize;
         for face in (0..self.of_subject.len()).filter(|face| self.of_subject[*face]) {
             all += 1;
             shown += usize::from(seen[face]);
@@ -226,9 +236,11 @@ pub(super) fn orbit_range(viewpoint: &Viewpoint, cameras: &[Camera]) -> Option<O
         return None;
     }
     let elevations = photos.iter().map(|photo| photo[1]).chain([here[1]]);
-    let (low, high) = elevations.fold((f64::MAX, f64::MIN), |(low, high), e| (low.min(e), high.max(e)));
+    let (low, high) =
+        elevations.fold((f64::MAX, f64::MIN), |(low, high), e| (low.min(e), high.max(e)));
     let upright = std::f64::consts::FRAC_PI_2;
-    let elevation = [(low - MARGIN).max(-upright), (high + MARGIN).min(upright)].map(f64::to_degrees);
+    let elevation =
+        [(low - MARGIN).max(-upright), (high + MARGIN).min(upright)].map(f64::to_degrees);
     let turn = turn(photos.iter().map(|photo| photo[0]).collect());
     Some(OrbitRange { turn: turn.map(|turn| turn.map(f64::to_degrees)), elevation })
 }
@@ -241,7 +253,8 @@ fn turn(mut photos: Vec<f64>) -> Option<[f64; 2]> {
     let gap = |i: usize| after(i) - photos[i];
     let widest = (0..photos.len()).reduce(|a, b| if gap(b) > gap(a) { b } else { a })?;
     // From the end of the widest gap to its beginning, with the viewpoint's 0 between them.
-    let (low, high) = (photos[(widest + 1) % photos.len()], photos[widest]);
+    let low = photos[(widest + 1) % photos.len()];
+    let high = photos[widest];
     let low = if low > 0.0 { low - TAU } else { low };
     let high = if high < 0.0 { high + TAU } else { high };
     (gap(widest) > GAP).then_some([low - MARGIN, high + MARGIN])
@@ -257,27 +270,34 @@ mod tests {
     fn cube(center: Vec3, half: f32, count: u64) -> impl Iterator<Item = Vec3> {
         let rng = Rng::new(5, "cube", count);
         (0..count).map(move |i| {
-            center + half * (2.0 * Vec3::from([0, 1, 2].map(|axis| rng.uniform(3 * i + axis))) - 1.0)
+            center
+                + half * (2.0 * Vec3::from([0, 1, 2].map(|axis| rng.uniform(3 * i + axis))) - 1.0)
         })
     }
 
     #[test]
     fn the_subject_is_what_the_photos_look_at_not_the_many_points_behind_it() {
         let target = Vec3::new(3.0, 1.0, -2.0);
-        let eyes = [0.0f32, 1.3, 2.6, 3.9, 5.2].map(|a| target + 4.0 * Vec3::new(a.cos(), 0.4, a.sin()));
+        let eyes =
+            [0.0f32, 1.3, 2.6, 3.9, 5.2].map(|a| target + 4.0 * Vec3::new(a.cos(), 0.4, a.sin()));
         let cameras = eyes.map(|eye| LENS.looking(eye, target, Vec3::Y));
-        let points: Vec<Vec3> = cube(target, 0.5, 2000).chain(cube(target + 20.0, 15.0, 8000)).collect();
+        let points: Vec<Vec3> =
+            cube(target, 0.5, 2000).chain(cube(target + 20.0, 15.0, 8000)).collect();
         let subject = Subject::of(&points, &cameras).expect("there is one");
         assert!(subject.center.distance(target) < 0.2, "{subject:?}");
         assert!((0.4..1.0).contains(&subject.radius), "{subject:?}");
         // Without cameras only the densest place is known.
         let dense = Subject::of(&points, &[]).expect("there is one");
-        assert!(dense.center.distance(target + 20.0) < 10.0 && dense.holds(target + 20.0), "{dense:?}");
+        assert!(
+            dense.center.distance(target + 20.0) < 10.0 && dense.holds(target + 20.0),
+            "{dense:?}"
+        );
     }
 
     #[test]
     fn surroundings_are_no_part_of_a_dense_middle() {
-        let points: Vec<Vec3> = cube(Vec3::ZERO, 1.0, 4000).chain(cube(Vec3::ZERO, 40.0, 2000)).collect();
+        let points: Vec<Vec3> =
+            cube(Vec3::ZERO, 1.0, 4000).chain(cube(Vec3::ZERO, 40.0, 2000)).collect();
         let subject = Subject::of(&points, &[]).expect("there is one");
         assert!(subject.center.length() < 0.3 && subject.radius < 8.0, "{subject:?}");
         assert_eq!(Subject::of(&[Vec3::ONE; 9], &[]), None);
@@ -296,8 +316,14 @@ mod tests {
         let camera = |(turn, distance): (f32, f32)| {
             LENS.looking(distance * Vec3::new(turn.cos(), 0.2, turn.sin()), Vec3::ZERO, Vec3::Y)
         };
-        assert_eq!(Subject::of(&points, &[(0.5, 7.0), (2.0, 8.0), (4.0, 9.0)].map(camera)), Some(subject));
-        assert_ne!(Subject::of(&points, &[(0.5, 0.7), (2.0, 8.0), (4.0, 9.0)].map(camera)), Some(subject));
+        assert_eq!(
+            Subject::of(&points, &[(0.5, 7.0), (2.0, 8.0), (4.0, 9.0)].map(camera)),
+            Some(subject)
+        );
+        assert_ne!(
+            Subject::of(&points, &[(0.5, 0.7), (2.0, 8.0), (4.0, 9.0)].map(camera)),
+            Some(subject)
+        );
     }
 }
 
@@ -318,8 +344,10 @@ mod orbit_range_tests {
 
     /// A camera at some degrees around the target and above it, which looks at it.
     fn at(turn: f32, elevation: f32) -> Camera {
-        let (turn, elevation) = (turn.to_radians(), elevation.to_radians());
-        let away = Vec3::new(turn.sin() * elevation.cos(), elevation.sin(), turn.cos() * elevation.cos());
+        let turn = turn.to_radians();
+        let elevation = elevation.to_radians();
+        let away =
+            Vec3::new(turn.sin() * elevation.cos(), elevation.sin(), turn.cos() * elevation.cos());
         LENS.looking(Vec3::Y + 3.0 * away, Vec3::Y, Vec3::Y)
     }
 
@@ -343,7 +371,9 @@ mod orbit_range_tests {
             let off = [turn[0] - wants[0] + margin, turn[1] - wants[1] - margin];
             assert!(off.iter().all(|off| off.abs() < 0.01), "{turns:?}: {turn:?}");
             // The viewpoint itself is level.
-            assert!((elevation[0] + margin).abs() < 0.01 && (elevation[1] - 20.0 - margin).abs() < 0.01);
+            assert!(
+                (elevation[0] + margin).abs() < 0.01 && (elevation[1] - 20.0 - margin).abs() < 0.01
+            );
         }
     }
 
@@ -367,6 +397,10 @@ mod orbit_range_tests {
             .collect();
         assert_eq!(orbit_range(&VIEWPOINT, &cameras), None);
         let above = Viewpoint { eye: [0.0, 9.0, 0.0], ..VIEWPOINT };
-        assert_eq!(orbit_range(&above, &[at(0.0, 0.0); 5]), None, "an eye right above has no direction");
+        assert_eq!(
+            orbit_range(&above, &[at(0.0, 0.0); 5]),
+            None,
+            "an eye right above has no direction"
+        );
     }
 }

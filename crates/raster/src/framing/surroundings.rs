@@ -43,8 +43,14 @@ impl<'a> Surroundings<'a> {
         let room = |from: Vec3| self.room(from);
         let is_single_sided = |i: usize| self.scene.is_single_sided(self.before[i]);
         let count = self.before.len();
-        let scenery =
-            Scenery { corners: &corners, is_single_sided: &is_single_sided, count, cameras, up, room: &room };
+        let scenery = Scenery {
+            corners: &corners,
+            is_single_sided: &is_single_sided,
+            count,
+            cameras,
+            up,
+            room: &room,
+        };
         viewpoint(&scenery).map(|chosen| chosen.viewpoint)
     }
 
@@ -56,18 +62,24 @@ impl<'a> Surroundings<'a> {
 
     /// How far in a direction of length one from a place the scene is closed; infinite when it is open there.
     pub fn room_towards(&self, from: Vec3, way: Vec3) -> f32 {
-        let hits = self.behind.iter().filter_map(|triangle| hit(self.scene.corners(*triangle), from, way));
+        let hits =
+            self.behind.iter().filter_map(|triangle| hit(self.scene.corners(*triangle), from, way));
         hits.fold(f32::INFINITY, f32::min)
     }
 }
 
 /// How far along a ray a triangle is, whichever side of it the ray meets.
 pub fn hit([a, b, c]: [Vec3; 3], from: Vec3, way: Vec3) -> Option<f32> {
-    let (ab, ac, off) = (b - a, c - a, from - a);
-    let (across, around) = (way.cross(ac), off.cross(ab));
+    let ab = b - a;
+    let ac = c - a;
+    let off = from - a;
+    let across = way.cross(ac);
+    let around = off.cross(ab);
     let volume = ab.dot(across);
     // Of a ray along the triangle's plane all of these are infinite or no numbers.
-    let (u, v, t) = (off.dot(across) / volume, way.dot(around) / volume, ac.dot(around) / volume);
+    let u = off.dot(across) / volume;
+    let v = way.dot(around) / volume;
+    let t = ac.dot(around) / volume;
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t.is_finite()).then_some(t)
 }
 
@@ -108,9 +120,12 @@ pub fn far_shell(corners: &(dyn Fn(usize) -> [Vec3; 3] + Sync), count: usize) ->
     let mut distances: Vec<f32> = sampled.iter().map(|p| p.distance(center)).collect();
     distances.sort_unstable_by(f32::total_cmp);
     let from = begin(&distances)?;
-    let is_far: Vec<bool> = parallel::collect(count, GRAIN, |face| middle(face).distance(center) >= from);
-    let far: Vec<[Vec3; 3]> =
-        (0..count).filter(|face| is_far[*face]).map(|face| corners(face).map(|p| p - center)).collect();
+    let is_far: Vec<bool> =
+        parallel::collect(count, GRAIN, |face| middle(face).distance(center) >= from);
+    let far: Vec<[Vec3; 3]> = (0..count)
+        .filter(|face| is_far[*face])
+        .map(|face| corners(face).map(|p| p - center))
+        .collect();
     (faces_middle(&far) && covers(&far)).then_some(is_far)
 }
 
@@ -132,7 +147,8 @@ fn begin(distances: &[f32]) -> Option<f32> {
 
 /// Whether triangles around the origin face it.
 fn faces_middle(far: &[[Vec3; 3]]) -> bool {
-    let (mut facing, mut area) = (0.0f64, 0.0f64);
+    let mut facing = 0.0f64;
+    let mut area = 0.0f64;
     for [a, b, c] in far {
         let normal = (*b - *a).cross(*c - *a);
         facing += f64::from(normal.dot(((*a + *b + *c) / 3.0).normalize_or_zero()).abs());
@@ -146,14 +162,16 @@ fn covers(far: &[[Vec3; 3]]) -> bool {
     let directions = directions();
     let mut covered = vec![false; directions.len()];
     for triangle in far {
-        let (cone, [faces, down, across]) = (Cone::of(triangle), near_directions(triangle));
+        let cone = Cone::of(triangle);
+        let [faces, down, across] = near_directions(triangle);
         for i in faces.flat_map(|face| down.clone().map(move |y| (face * GRID + y) * GRID)) {
             for i in across.clone().map(|x| i + x) {
                 covered[i] = covered[i] || cone.contains(directions[i]);
             }
         }
     }
-    covered.iter().filter(|covered| **covered).count() as f32 >= LEAST_COVERED * directions.len() as f32
+    covered.iter().filter(|covered| **covered).count() as f32
+        >= LEAST_COVERED * directions.len() as f32
 }
 
 /// The directions from the origin in which a triangle lies.
@@ -178,7 +196,8 @@ impl Cone {
 fn directions() -> Vec<Vec3> {
     let place = |i: usize| 2.0 * (i as f32 + 0.5) / GRID as f32 - 1.0;
     let of_face = |face: usize| {
-        let (axis, sign) = (face / 2, if face.is_multiple_of(2) { 1.0 } else { -1.0 });
+        let axis = face / 2;
+        let sign = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
         (0..GRID * GRID).map(move |i| {
             let mut direction = Vec3::ZERO;
             direction[axis] = sign;
@@ -192,14 +211,16 @@ fn directions() -> Vec<Vec3> {
 
 /// The faces of the cube, rows and columns of the directions in which a triangle may lie: few where its corners are on one face.
 fn near_directions(corners: &[Vec3; 3]) -> [Range<usize>; 3] {
-    let face_of = |v: &Vec3| 2 * v.abs().max_position() + usize::from(v[v.abs().max_position()] < 0.0);
+    let face_of =
+        |v: &Vec3| 2 * v.abs().max_position() + usize::from(v[v.abs().max_position()] < 0.0);
     let face = face_of(&corners[0]);
     if corners.iter().any(|corner| face_of(corner) != face) {
         return [0..6, 0..GRID, 0..GRID];
     }
     let lines = |axis: usize| {
         let at = corners.map(|v| (v[axis % 3] / v[face / 2].abs() + 1.0) / 2.0 * GRID as f32 - 0.5);
-        let (low, high) = (at[0].min(at[1]).min(at[2]), at[0].max(at[1]).max(at[2]));
+        let low = at[0].min(at[1]).min(at[2]);
+        let high = at[0].max(at[1]).max(at[2]);
         low.floor() as usize..(high.ceil() as usize + 1).min(GRID)
     };
     [face..face + 1, lines(face / 2 + 2), lines(face / 2 + 1)]
@@ -214,7 +235,8 @@ mod tests {
     fn room_towards_ends_at_what_closes_the_scene_there() {
         // A thing at the origin, a wall two units to the left, half a wall three units ahead.
         let thing = [Vec3::ZERO, Vec3::X * 0.1, Vec3::Y * 0.1];
-        let left = [Vec3::new(-2.0, -9.0, -9.0), Vec3::new(-2.0, 20.0, -9.0), Vec3::new(-2.0, -9.0, 20.0)];
+        let left =
+            [Vec3::new(-2.0, -9.0, -9.0), Vec3::new(-2.0, 20.0, -9.0), Vec3::new(-2.0, -9.0, 20.0)];
         let ahead = [Vec3::new(-9.0, 0.5, 3.0), Vec3::new(9.0, 0.5, 3.0), Vec3::new(0.0, 9.0, 3.0)];
         let positions = [thing, left, ahead].concat();
         let mesh = Mesh { positions, colors: Colors::Face(vec![[0.5; 3]; 3]), ..Mesh::default() };
@@ -237,8 +259,11 @@ mod far_shell_tests {
     /// Small triangles in a ball of this radius.
     fn things(count: u64, radius: f32) -> Vec<[Vec3; 3]> {
         let rng = Rng::new(8, "things", count);
-        let point = |i: u64| 2.0 * Vec3::from([0, 1, 2].map(|axis| rng.uniform(3 * i + axis))) - 1.0;
-        (0..count).map(|i| [0, 1, 2].map(|k| radius * (point(2 * i) + 0.05 * point(2 * i + 1 + k)))).collect()
+        let point =
+            |i: u64| 2.0 * Vec3::from([0, 1, 2].map(|axis| rng.uniform(3 * i + axis))) - 1.0;
+        (0..count)
+            .map(|i| [0, 1, 2].map(|k| radius * (point(2 * i) + 0.05 * point(2 * i + 1 + k))))
+            .collect()
     }
 
     fn sphere(radius: f32, keep: impl Fn(Vec3) -> bool) -> Vec<[Vec3; 3]> {
@@ -267,15 +292,20 @@ mod far_shell_tests {
     #[test]
     fn a_triangle_covers_no_direction_but_the_near_ones() {
         let rng = Rng::new(9, "near", 0);
-        let point = |i: u64| 2.0 * Vec3::from([0, 1, 2].map(|axis| rng.uniform(3 * i + axis))) - 1.0;
-        let (directions, mut few) = (directions(), 0);
+        let point =
+            |i: u64| 2.0 * Vec3::from([0, 1, 2].map(|axis| rng.uniform(3 * i + axis))) - 1.0;
+        let directions = directions();
+        let mut few = 0;
         for i in 0..2000 {
             let size = [0.02, 0.3, 2.0][i as usize % 3];
             let triangle = [0, 1, 2].map(|k| point(4 * i) + size * point(4 * i + 1 + k));
-            let (cone, [faces, down, across]) = (Cone::of(&triangle), near_directions(&triangle));
+            let cone = Cone::of(&triangle);
+            let [faces, down, across] = near_directions(&triangle);
             few += u32::from(faces.len() * down.len() * across.len() <= 9);
             for (at, direction) in directions.iter().enumerate() {
-                let (face, y, x) = (at / GRID / GRID, at / GRID % GRID, at % GRID);
+                let face = at / GRID / GRID;
+                let y = at / GRID % GRID;
+                let x = at % GRID;
                 let near = faces.contains(&face) && down.contains(&y) && across.contains(&x);
                 assert!(near || !cone.contains(*direction), "{triangle:?}: {direction}");
             }
@@ -292,7 +322,10 @@ mod far_shell_tests {
         assert_eq!(found(&with(things(600, 12.0))), None, "scattered triangles");
         assert_eq!(found(&sphere(10.0, |_| true)), None, "nothing before it");
         // A landscape that goes on to the horizon before a dome.
-        assert_eq!(found(&[things(4000, 1.0), things(4000, 9.0), sphere(10.0, |_| true)].concat()), None);
+        assert_eq!(
+            found(&[things(4000, 1.0), things(4000, 9.0), sphere(10.0, |_| true)].concat()),
+            None
+        );
         assert_eq!(found(&vec![[Vec3::NAN; 3]; 100]), None);
     }
 }

@@ -91,9 +91,12 @@ fn around(
     let ring = |sine, nearer| ring(subject, scenery.up, sine, nearer, room);
     let mut chosen: Option<(usize, Judged)> = None;
     for nearer in NEARER {
-        let judged: Vec<Judged> = ring(ELEVATIONS[0], nearer).into_iter().map(&mut *judge).collect();
-        let found =
-            judged.into_iter().enumerate().reduce(|a, b| if b.1.worth > a.1.worth { b } else { a })?;
+        let judged: Vec<Judged> =
+            ring(ELEVATIONS[0], nearer).into_iter().map(&mut *judge).collect();
+        let found = judged
+            .into_iter()
+            .enumerate()
+            .reduce(|a, b| if b.1.worth > a.1.worth { b } else { a })?;
         if chosen.as_ref().is_none_or(|(_, before)| found.1.worth > NEARER_GAIN * before.worth) {
             let higher = ELEVATIONS[1..].iter().map(|sine| judge(ring(*sine, nearer)[found.0]));
             let best = higher.fold(found.1, |a, b| if b.worth > a.worth { b } else { a });
@@ -120,18 +123,28 @@ fn worth(camera: &Camera, sight: &Sight, up: Vec3) -> f32 {
 
 /// The viewpoint of a camera. It orbits the subject, or a point ahead if it looks elsewhere.
 fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
-    let (eye, forward) = (camera.position(), camera.rotation.row(2));
+    let eye = camera.position();
+    let forward = camera.rotation.row(2);
     let depth = (subject.center - eye).dot(forward);
     let target = eye + forward * if depth > 0.0 { depth } else { subject.radius };
     let [eye, target, up] = [eye, target, up].map(|v| v.as_dvec3().to_array());
-    let [wide, high] =
-        [camera.size.x as f32 / (2.0 * camera.focal.x), camera.size.y as f32 / (2.0 * camera.focal.y)];
+    let [wide, high] = [
+        camera.size.x as f32 / (2.0 * camera.focal.x),
+        camera.size.y as f32 / (2.0 * camera.focal.y),
+    ];
     // A window may be narrower than the photo, so the photo's horizontal angle becomes the vertical one. Nothing is
     // missing beyond it where nothing surrounds the subject.
     let needed = half_tangent(subject.radius, depth.max(subject.radius), MOST_SINE);
     let most = if subject.is_alone { needed } else { needed.min(wide) };
     let fov = 2.0 * libm::atan(f64::from(high.max(most)));
-    Viewpoint { eye, target, up, fov: fov.to_degrees(), radius: Some(f64::from(subject.radius)), orbit: None }
+    Viewpoint {
+        eye,
+        target,
+        up,
+        fov: fov.to_degrees(),
+        radius: Some(f64::from(subject.radius)),
+        orbit: None,
+    }
 }
 
 /// The camera of a viewpoint for a picture of `size` that shows the whole subject, independent of the
@@ -156,9 +169,11 @@ pub fn orbit(
 ) -> Vec<Camera> {
     let target = DVec3::from(viewpoint.target).as_vec3();
     let from = DVec3::from(viewpoint.eye).as_vec3() - target;
-    let (height, start) = (from.dot(up), from.reject_from(up));
+    let height = from.dot(up);
+    let start = from.reject_from(up);
     let x = start.try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
-    let (y, lens) = (up.cross(x), camera_holding(viewpoint, size));
+    let y = up.cross(x);
+    let lens = camera_holding(viewpoint, size);
     let place = |k: u32| {
         let (sin, cos) = (TAU * k as f32 / count as f32).sin_cos();
         let on_circle = target + up * height + (x * cos + y * sin) * start.length();
@@ -227,7 +242,8 @@ fn ring(subject: Subject, up: Vec3, sine: f32, nearer: f32, room: f32) -> Vec<Ca
     let tangent = half_tangent(MARGIN * subject.radius, distance, MOST_SINE_AROUND);
     let focal = Vec2::splat(SIZE.y as f32 / (2.0 * tangent.max(HALF_FOV_TAN)));
     let x = up.any_orthonormal_vector();
-    let (y, cosine) = (up.cross(x), (1.0 - sine * sine).sqrt());
+    let y = up.cross(x);
+    let cosine = (1.0 - sine * sine).sqrt();
     directions()
         .map(|[cos, sin]| {
             let eye = subject.center + distance * (up * sine + (x * cos + y * sin) * cosine);
@@ -274,7 +290,8 @@ mod tests {
 
     fn of(triangles: &[[Vec3; 3]], cameras: &[Camera]) -> Chosen {
         let corners = |face: usize| triangles[face];
-        let (count, room) = (triangles.len(), |_: Vec3| f32::INFINITY);
+        let count = triangles.len();
+        let room = |_: Vec3| f32::INFINITY;
         viewpoint(&Scenery {
             corners: &corners,
             is_single_sided: &|_| false,
@@ -302,7 +319,8 @@ mod tests {
         // Past it, from far away, tilted by a quarter turn, from right above, and last the best.
         let past = LENS.looking(Vec3::new(3.0, 1.0, 0.0), Vec3::new(2.0, 0.5, 4.0), Vec3::Y);
         let tilted = LENS.looking(Vec3::new(0.0, 0.2, 9.0), Vec3::ZERO, Vec3::X);
-        let cameras = [past, away(1.0, 14.0, 4.0), tilted, away(2.0, 0.3, 4.0), away(3.0, 3.3, 1.2)];
+        let cameras =
+            [past, away(1.0, 14.0, 4.0), tilted, away(2.0, 0.3, 4.0), away(3.0, 3.3, 1.2)];
         let chosen = of(&ball(), &cameras);
         assert_eq!(chosen.photo, Some(4), "{chosen:?}");
         let camera = chosen.viewpoint.camera(UVec2::new(120, 120));
@@ -375,7 +393,10 @@ mod candidates_tests {
             for Candidate { camera, .. } in &ring {
                 let away = camera.position().distance(subject.center);
                 assert!(away <= room * 1.001 && away > subject.radius, "{away}");
-                assert!((camera.rotation * Vec3::Y).y < 0.0 && (camera.rotation * Vec3::Y).x.abs() < 1e-5);
+                assert!(
+                    (camera.rotation * Vec3::Y).y < 0.0
+                        && (camera.rotation * Vec3::Y).x.abs() < 1e-5
+                );
                 assert!(camera.frames(subject.center + Vec3::Y * 1.5));
             }
             let [a, b] = [0, AROUND / 2].map(|i| ring[i].camera.position());
@@ -394,7 +415,9 @@ mod candidates_tests {
             size: UVec2::splat(100),
         };
         let away = Camera { rotation: Mat3::from_rotation_y(3.0), ..tilted };
-        let [seen, unseen] = of_photos(&[tilted, away], subject, Vec3::Y)[..] else { panic!("two photos") };
+        let [seen, unseen] = of_photos(&[tilted, away], subject, Vec3::Y)[..] else {
+            panic!("two photos")
+        };
         let at = seen.camera.rotation * subject.center + seen.camera.translation;
         assert!(at.truncate().length() < 1e-4 && at.z > 0.0);
         for candidate in [seen, unseen] {
@@ -422,13 +445,20 @@ mod orbit_tests {
         let orbit = orbit(&VIEWPOINT, Vec3::Y, &|_| f32::INFINITY, UVec2::new(400, 300), 4);
         assert_eq!((orbit.len(), orbit[0].size), (4, UVec2::new(400, 300)));
         assert!(orbit[0].position().distance(Vec3::new(3.0, 2.0, 1.0)) < 1e-5);
-        assert!(orbit[2].position().distance(Vec3::new(-1.0, 2.0, -1.0)) < 1e-5, "opposite, as high");
-        assert!(orbit.iter().all(|c| (c.rotation * Vec3::Y).x.abs() < 1e-6), "the horizon is level");
+        assert!(
+            orbit[2].position().distance(Vec3::new(-1.0, 2.0, -1.0)) < 1e-5,
+            "opposite, as high"
+        );
+        assert!(
+            orbit.iter().all(|c| (c.rotation * Vec3::Y).x.abs() < 1e-6),
+            "the horizon is level"
+        );
     }
 
     #[test]
     fn an_orbit_keeps_the_subject_in_the_picture_and_stays_inside_the_shell() {
-        let (target, radius) = (Vec3::new(1.0, 0.5, 0.0), 0.8);
+        let target = Vec3::new(1.0, 0.5, 0.0);
+        let radius = 0.8;
         let viewpoint = Viewpoint { radius: Some(0.8), fov: 20.0, ..VIEWPOINT };
         for (room, size) in [(f32::INFINITY, UVec2::new(400, 300)), (1.5, UVec2::new(150, 300))] {
             for camera in orbit(&viewpoint, Vec3::Y, &|_| room, size, 9) {
@@ -436,7 +466,8 @@ mod orbit_tests {
                 for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
                     let inside = |p: Vec3| camera.frames(p);
                     assert!(
-                        inside(target + 0.7 * radius * axis) && inside(target - 0.7 * radius * axis),
+                        inside(target + 0.7 * radius * axis)
+                            && inside(target - 0.7 * radius * axis),
                         "{room} {size}"
                     );
                 }
@@ -449,8 +480,13 @@ mod orbit_tests {
         // A subject on a wall: behind it there is half a unit of room.
         let room = |way: Vec3| if way.x < 0.0 { 0.5 } else { 9.0 };
         let orbit = orbit(&VIEWPOINT, Vec3::Y, &room, UVec2::new(400, 300), 4);
-        let away: Vec<f32> =
-            orbit.iter().map(|camera| camera.position().distance(Vec3::new(1.0, 0.5, 0.0))).collect();
-        assert!((away[0] - 7.25_f32.sqrt()).abs() < 1e-5 && (away[2] - 0.45).abs() < 1e-5, "{away:?}");
+        let away: Vec<f32> = orbit
+            .iter()
+            .map(|camera| camera.position().distance(Vec3::new(1.0, 0.5, 0.0)))
+            .collect();
+        assert!(
+            (away[0] - 7.25_f32.sqrt()).abs() < 1e-5 && (away[2] - 0.45).abs() < 1e-5,
+            "{away:?}"
+        );
     }
 }

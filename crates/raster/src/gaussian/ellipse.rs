@@ -92,16 +92,20 @@ struct Projector<'a> {
 pub(super) fn all(splats: &Splats, camera: &Camera, options: &GaussianOptions) -> Vec<Ellipse> {
     let guard = camera.size.as_vec2() / camera.focal * (0.5 * VIEW_GUARD);
     let projector = Projector { splats, camera, near: options.near, guard };
-    let tasks: Vec<Vec<Ellipse>> = parallel::map((0..splats.len()).step_by(PER_TASK), |_, first| {
-        let some = first..(first + PER_TASK).min(splats.len());
-        some.filter_map(|i| projector.project(i)).collect()
-    });
+    let tasks: Vec<Vec<Ellipse>> =
+        parallel::map((0..splats.len()).step_by(PER_TASK), |_, first| {
+            let some = first..(first + PER_TASK).min(splats.len());
+            some.filter_map(|i| projector.project(i)).collect()
+        });
     tasks.concat()
 }
 
 /// Indices of the ellipses by depth, nearest first; equal depths in the order of the scene.
 pub(super) fn front_to_back(ellipses: &[Ellipse]) -> Vec<u32> {
-    let key = |(i, ellipse): (usize, &Ellipse)| DepthKey { depth: ellipse.depth.to_bits(), index: i as u32 };
+    let key = |(i, ellipse): (usize, &Ellipse)| DepthKey {
+        depth: ellipse.depth.to_bits(),
+        index: i as u32,
+    };
     let mut keys: Vec<DepthKey> = ellipses.iter().enumerate().map(key).collect();
     by_depth(&mut keys, &mut Vec::new());
     keys.iter().map(|key| key.index).collect()
@@ -110,19 +114,23 @@ pub(super) fn front_to_back(ellipses: &[Ellipse]) -> Vec<u32> {
 impl Projector<'_> {
     /// One Gaussian; `None` when it is too near, too faint, or beside the picture.
     fn project(&self, i: usize) -> Option<Ellipse> {
-        let (splats, camera) = (self.splats, self.camera);
+        let splats = self.splats;
+        let camera = self.camera;
         let at = camera.rotation * splats.positions[i] + camera.translation;
         if !(at.z >= self.near) {
             return None;
         }
         let tangent = at.truncate() / at.z;
         let [first, second] = self.axes_on_screen(i, tangent, at.z);
-        let (xx, yy, xy) = (first.length_squared(), second.length_squared(), first.dot(second));
+        let xx = first.length_squared();
+        let yy = second.length_squared();
+        let xy = first.dot(second);
         let blur = splats.filter.variance;
         // |a × b|² + blur (a² + b²) + blur²: the determinant without the cancellation of xx yy - xy².
         let sharp = first.cross(second).length_squared();
         let determinant = sharp + blur * (xx + yy) + blur * blur;
-        let (xx, yy) = (xx + blur, yy + blur);
+        let xx = xx + blur;
+        let yy = yy + blur;
         let kept = if splats.filter.keeps_light { (sharp / determinant).sqrt() } else { 1.0 };
         let half_log2_e = std::f32::consts::LOG2_E * 0.5;
         let ellipse = Ellipse {
@@ -136,11 +144,16 @@ impl Projector<'_> {
             gaussian: i as u32,
         };
         let reach = ellipse.reach_squared();
-        if !(reach >= 0.0 && ellipse.along.is_finite() && ellipse.shear.is_finite() && ellipse.down > 0.0) {
+        if !(reach >= 0.0
+            && ellipse.along.is_finite()
+            && ellipse.shear.is_finite()
+            && ellipse.down > 0.0)
+        {
             return None;
         }
         let half = Vec2::new((reach * xx / half_log2_e).sqrt(), ellipse.half_height()) + MARGIN;
-        let (low, high) = (ellipse.middle - half, ellipse.middle + half);
+        let low = ellipse.middle - half;
+        let high = ellipse.middle + half;
         let size = camera.size.as_vec2();
         let seen = high.x >= 0.0 && high.y >= 0.0 && low.x <= size.x && low.y <= size.y;
         seen.then(|| Ellipse { rgb: self.color(i, at), ..ellipse })
@@ -216,13 +229,15 @@ pub(super) fn bin(ellipses: &[Ellipse], order: &[u32], size: UVec2) -> Rows {
 /// Adds an ellipse to the rows that it touches.
 fn add(ellipse: &Ellipse, index: u32, size: UVec2, rows: &mut [Vec<Run>]) {
     let half = ellipse.half_height() + MARGIN;
-    let (top, bottom) = (ellipse.middle.y - half, ellipse.middle.y + half);
+    let top = ellipse.middle.y - half;
+    let bottom = ellipse.middle.y + half;
     let Some((first, last)) = tiles_between(top, bottom, size.y) else { return };
     for row in first..=last {
         // The centres of the row's first and last pixels, relative to the middle.
         let from = f32::from(row) * TILE_PX + 0.5 - ellipse.middle.y;
         let Some((left, right)) = extent(ellipse, from, from + TILE_PX - 1.0) else { continue };
-        let (left, right) = (ellipse.middle.x + left - MARGIN, ellipse.middle.x + right + MARGIN);
+        let left = ellipse.middle.x + left - MARGIN;
+        let right = ellipse.middle.x + right + MARGIN;
         if let Some((first, last)) = tiles_between(left, right, size.x) {
             rows[usize::from(row)].push(Run { ellipse: index, first, last });
         }
@@ -232,8 +247,10 @@ fn add(ellipse: &Ellipse, index: u32, size: UVec2, rows: &mut [Vec<Run>]) {
 /// How far the part of an ellipse between two heights extends to the left and right of its middle, px.
 fn extent(ellipse: &Ellipse, from: f32, to: f32) -> Option<(f32, f32)> {
     let Ellipse { along, shear, down, .. } = *ellipse;
-    let (reach, half) = (ellipse.reach_squared(), ellipse.half_height());
-    let (from, to) = (from.max(-half), to.min(half));
+    let reach = ellipse.reach_squared();
+    let half = ellipse.half_height();
+    let from = from.max(-half);
+    let to = to.min(half);
     if from > to + MARGIN {
         return None;
     }
@@ -260,7 +277,9 @@ impl Rows {
         let runs = || self.parts.iter().flat_map(|part| &part[row]);
         let mut starts = vec![0u32; self.count.x as usize + 1];
         for run in runs() {
-            starts[usize::from(run.first)..=usize::from(run.last)].iter_mut().for_each(|count| *count += 1);
+            starts[usize::from(run.first)..=usize::from(run.last)]
+                .iter_mut()
+                .for_each(|count| *count += 1);
         }
         let mut sum = 0;
         for start in &mut starts {

@@ -62,7 +62,8 @@ pub fn photometric_grad<R: LossNumber>(
         return Photometric { ssim: 1.0, ..Photometric::default() };
     }
     let row = 3 * width;
-    let (x, y) = (rendered.as_flattened(), photo.as_flattened());
+    let x = rendered.as_flattened();
+    let y = photo.as_flattened();
     let count = x.len() as f64;
     let height = x.len() / row;
     scratch.maps.resize(height * MAPS * row, R::default());
@@ -73,13 +74,15 @@ pub fn photometric_grad<R: LossNumber>(
     blur_maps(&taps, row, x, y, &mut scratch.maps);
     let ssim = ssim_rows(&taps, row, &scratch.maps, weight, scale, &mut scratch.grads);
     let l1_scale = R::of((1.0 - dssim) / count);
-    let (taps, grads) = (&taps, &scratch.grads[..]);
+    let taps = &taps;
+    let grads = &scratch.grads[..];
     // Pass 3: the gradient maps blurred along y, combined with the pictures and the gradient by their difference.
     let sums: Vec<(f64, f64)> = parallel::map_with(
         d_rendered.as_flattened_mut().chunks_mut(row),
         || vec![R::default(); (GRADS + 3) * row],
         |memory, at, out| {
-            let (x, y) = (&x[at * row..][..row], &y[at * row..][..row]);
+            let x = &x[at * row..][..row];
+            let y = &y[at * row..][..row];
             let weight = weight.map(|w| &w[at * width..][..width]);
             let (blurred, parts) = memory.split_at_mut(GRADS * row);
             dispatch(CombineRow { taps, grads, at, x, y, weight, l1_scale, blurred, parts, out })
@@ -110,13 +113,17 @@ impl<R: LossNumber> Work for CombineRow<'_, R> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> (f64, f64) {
-        let (x, y, zero) = (self.x, self.y, R::default());
+        let x = self.x;
+        let y = self.y;
+        let zero = R::default();
         let row = x.len();
         blur_column::<L, R>(self.taps, self.grads, self.at, self.blurred);
         let (absolute, rest) = self.parts.split_at_mut(row);
         let (square, by_difference) = rest.split_at_mut(row);
         // Of known length, so that the loops need no check of bounds and become vector code.
-        let (by_difference, out, y) = (&mut by_difference[..row], &mut self.out[..row], &y[..row]);
+        let by_difference = &mut by_difference[..row];
+        let out = &mut self.out[..row];
+        let y = &y[..row];
         for i in 0..row {
             let difference = x[i] - y[i];
             let above = if difference > zero { self.l1_scale } else { zero };
@@ -128,9 +135,12 @@ impl<R: LossNumber> Work for CombineRow<'_, R> {
             weight_by(values, self.weight);
         }
         let blur = |m: usize| &self.blurred[m * row..][..row];
-        let (d_mean, d_square, d_cross) = (blur(0), blur(1), blur(2));
+        let d_mean = blur(0);
+        let d_square = blur(1);
+        let d_cross = blur(2);
         for i in 0..row {
-            out[i] = by_difference[i] + d_mean[i] + R::of(2.0) * x[i] * d_square[i] + y[i] * d_cross[i];
+            out[i] =
+                by_difference[i] + d_mean[i] + R::of(2.0) * x[i] * d_square[i] + y[i] * d_cross[i];
         }
         (lane_sum(absolute), lane_sum(square))
     }
@@ -168,14 +178,17 @@ mod tests {
         let total: f64 = g.iter().sum();
         let mut sum = 0.0;
         for at in 0..x.len() * 3 {
-            let (px, py, c) = ((at / 3 % width) as i64, (at / 3 / width) as i64, at % 3);
+            let px = (at / 3 % width) as i64;
+            let py = (at / 3 / width) as i64;
+            let c = at % 3;
             let mut m = [0.0; 5];
             for (j, gy) in g.iter().enumerate() {
                 for (i, gx) in g.iter().enumerate() {
-                    let (u, v) = (px + i as i64 - 5, py + j as i64 - 5);
+                    let u = px + i as i64 - 5;
+                    let v = py + j as i64 - 5;
                     if u >= 0 && v >= 0 && u < width as i64 && v < height as i64 {
-                        let (a, b) =
-                            (x[v as usize * width + u as usize][c], y[v as usize * width + u as usize][c]);
+                        let a = x[v as usize * width + u as usize][c];
+                        let b = y[v as usize * width + u as usize][c];
                         let w = gx * gy / (total * total);
                         for (m, value) in m.iter_mut().zip([a, b, a * a, b * b, a * b]) {
                             *m += w * value;
@@ -183,7 +196,9 @@ mod tests {
                     }
                 }
             }
-            let (sxx, syy, sxy) = (m[2] - m[0] * m[0], m[3] - m[1] * m[1], m[4] - m[0] * m[1]);
+            let sxx = m[2] - m[0] * m[0];
+            let syy = m[3] - m[1] * m[1];
+            let sxy = m[4] - m[0] * m[1];
             sum += (2.0 * m[0] * m[1] + 1e-4) * (2.0 * sxy + 9e-4)
                 / ((m[0] * m[0] + m[1] * m[1] + 1e-4) * (sxx + syy + 9e-4));
         }
@@ -192,7 +207,8 @@ mod tests {
 
     #[test]
     fn ssim_is_the_definition() {
-        let (x, y) = (noise("x", 17 * 9), noise("y", 17 * 9));
+        let x = noise("x", 17 * 9);
+        let y = noise("y", 17 * 9);
         let mut grad = vec![[0.0; 3]; x.len()];
         let means = photometric_grad(17, &x, &y, None, LAMBDA, &mut Scratch::default(), &mut grad);
         assert!((means.ssim - plain_ssim(17, &x, &y)).abs() < 2e-7, "{}", means.ssim);
@@ -201,12 +217,15 @@ mod tests {
     #[test]
     fn gradient_is_the_derivative() {
         let width = 14;
-        let (x, y) = (noise("x", width * 12), noise("y", width * 12));
+        let x = noise("x", width * 12);
+        let y = noise("y", width * 12);
         let w: Vec<f64> = noise("w", width * 12).iter().map(|v| v[0]).collect();
         for (dssim, weight) in [(0.2, None), (1.0, None), (0.0, None), (0.4, Some(&w[..]))] {
             let (_, grad) = loss(width, &x, &y, weight, dssim);
             for at in (0..x.len() * 3).step_by(7) {
-                let (p, c, h) = (at / 3, at % 3, 1e-5);
+                let p = at / 3;
+                let c = at % 3;
+                let h = 1e-5;
                 let mut moved = x.clone();
                 moved[p][c] = x[p][c] + h;
                 let up = loss(width, &moved, &y, weight, dssim).0;
@@ -214,7 +233,11 @@ mod tests {
                 let down = loss(width, &moved, &y, weight, dssim).0;
                 let difference = (up - down) / (2.0 * h);
                 // λ passes through f32 once (scale): 6e-8 relative; the rest is the difference quotient's own.
-                assert!((difference - grad[p][c]).abs() < 1e-9, "{at}: {difference} vs {}", grad[p][c]);
+                assert!(
+                    (difference - grad[p][c]).abs() < 1e-9,
+                    "{at}: {difference} vs {}",
+                    grad[p][c]
+                );
             }
         }
     }
@@ -225,16 +248,20 @@ mod tests {
 
     #[test]
     fn f32_is_f64_and_equal_pictures_have_no_gradient() {
-        let (x, y) = (noise("x", 33 * 21), noise("y", 33 * 21));
-        let (x32, y32) = (narrow(&x), narrow(&y));
+        let x = noise("x", 33 * 21);
+        let y = noise("y", 33 * 21);
+        let x32 = narrow(&x);
+        let y32 = narrow(&y);
         let mut grad = vec![[0.0f32; 3]; x.len()];
-        let small = photometric_grad(33, &x32, &y32, None, LAMBDA, &mut Scratch::default(), &mut grad);
+        let small =
+            photometric_grad(33, &x32, &y32, None, LAMBDA, &mut Scratch::default(), &mut grad);
         let (large, exact) = loss(33, &x, &y, None, LAMBDA);
         assert!((small.value(LAMBDA) - large).abs() < 1e-6);
         for (g, e) in grad.as_flattened().iter().zip(exact.as_flattened()) {
             assert!((f64::from(*g) - e).abs() < 1e-8, "{g} {e}");
         }
-        let same = photometric_grad(33, &x32, &x32, None, LAMBDA, &mut Scratch::default(), &mut grad);
+        let same =
+            photometric_grad(33, &x32, &x32, None, LAMBDA, &mut Scratch::default(), &mut grad);
         assert_eq!(same.l1, 0.0);
         assert!((same.ssim - 1.0).abs() < 1e-6);
         assert!(grad.as_flattened().iter().all(|g| g.abs() < 1e-8));
@@ -243,15 +270,21 @@ mod tests {
     #[test]
     fn pale_pictures_of_little_contrast_keep_four_digits() {
         let pale = |name: &str| {
-            noise(name, 33 * 21).iter().map(|p| p.map(|c| 0.9 + 0.02 * (c - 0.5))).collect::<Vec<_>>()
+            noise(name, 33 * 21)
+                .iter()
+                .map(|p| p.map(|c| 0.9 + 0.02 * (c - 0.5)))
+                .collect::<Vec<_>>()
         };
-        let (x32, y32) = (narrow(&pale("x")), narrow(&pale("y")));
+        let x32 = narrow(&pale("x"));
+        let y32 = narrow(&pale("y"));
         let wide = |v: &[[f32; 3]]| v.iter().map(|p| p.map(f64::from)).collect::<Vec<_>>();
         let mut grad = vec![[0.0f32; 3]; x32.len()];
-        let small = photometric_grad(33, &x32, &y32, None, LAMBDA, &mut Scratch::default(), &mut grad);
+        let small =
+            photometric_grad(33, &x32, &y32, None, LAMBDA, &mut Scratch::default(), &mut grad);
         let (large, exact) = loss(33, &wide(&x32), &wide(&y32), None, LAMBDA);
         let error = (small.value(LAMBDA) - large).abs() / large;
-        let (mut apart, mut all) = (0.0, 0.0);
+        let mut apart = 0.0;
+        let mut all = 0.0;
         for (g, e) in grad.as_flattened().iter().zip(exact.as_flattened()) {
             apart += (f64::from(*g) - e).powi(2);
             all += e.powi(2);
@@ -264,10 +297,18 @@ mod tests {
     #[test]
     fn one_pixel_and_no_pixel() {
         let mut grad = vec![[0.0f32; 3]; 1];
-        let means =
-            photometric_grad(1, &[[0.0; 3]], &[[0.0; 3]], None, LAMBDA, &mut Scratch::default(), &mut grad);
+        let means = photometric_grad(
+            1,
+            &[[0.0; 3]],
+            &[[0.0; 3]],
+            None,
+            LAMBDA,
+            &mut Scratch::default(),
+            &mut grad,
+        );
         assert!(means.ssim.is_finite() && grad[0].iter().all(|g| g.is_finite()));
-        let none = photometric_grad::<f32>(0, &[], &[], None, LAMBDA, &mut Scratch::default(), &mut []);
+        let none =
+            photometric_grad::<f32>(0, &[], &[], None, LAMBDA, &mut Scratch::default(), &mut []);
         assert_eq!(none.value(LAMBDA), 0.0);
     }
 }

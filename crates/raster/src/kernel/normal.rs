@@ -52,7 +52,8 @@ pub fn normal_grad<R: Real<Mask = bool> + Send + Sync + Into<f64>>(
 ) -> f64 {
     let count = maps.depth.len();
     let scale = R::of(weight / count.max(1) as f64);
-    let pixels: Vec<(R, [R; 3], Slopes<R>)> = parallel::collect(count, GRAIN, |i| maps.pixel(i, scale));
+    let pixels: Vec<(R, [R; 3], Slopes<R>)> =
+        parallel::collect(count, GRAIN, |i| maps.pixel(i, scale));
     let slopes = |i: usize, k: usize| pixels[i].2[k];
     let w = maps.width;
     let rows: Vec<(R, R)> = parallel::collect(count, GRAIN, |i| {
@@ -86,7 +87,8 @@ pub fn normal_grad<R: Real<Mask = bool> + Send + Sync + Into<f64>>(
 impl<R: Real<Mask = bool>> Maps<'_, R> {
     /// K⁻¹(p, 1).
     fn ray(&self, i: usize) -> V3<R> {
-        let at = |k: usize, index: usize| (R::of(index as f64 + 0.5) - self.center[k]) / self.focal[k];
+        let at =
+            |k: usize, index: usize| (R::of(index as f64 + 0.5) - self.center[k]) / self.focal[k];
         V3::new(at(0, i % self.width), at(1, i / self.width), R::of(1.0))
     }
 
@@ -102,7 +104,8 @@ impl<R: Real<Mask = bool>> Maps<'_, R> {
 
     /// ∂P/∂x and ∂P/∂y, where all four neighbours have a point.
     fn slopes(&self, i: usize) -> Option<[V3<R>; 2]> {
-        let (w, x) = (self.width, i % self.width);
+        let w = self.width;
+        let x = i % self.width;
         if x == 0 || x + 1 == w || i < w || i + w >= self.depth.len() {
             return None;
         }
@@ -113,7 +116,8 @@ impl<R: Real<Mask = bool>> Maps<'_, R> {
     /// The loss of a pixel, its ∂L/∂n and its ∂L/∂ slopes, all times `scale`.
     fn pixel(&self, i: usize, scale: R) -> (R, [R; 3], Slopes<R>) {
         let nothing = (R::of(0.0), [R::of(0.0); 3], [V3::zero(); 2]);
-        let Some([dx, dy]) = self.slopes(i).filter(|_| R::of(MIN_COVERAGE).lt(self.coverage(i))) else {
+        let Some([dx, dy]) = self.slopes(i).filter(|_| R::of(MIN_COVERAGE).lt(self.coverage(i)))
+        else {
             return nothing;
         };
         let cross = dx.cross(dy);
@@ -150,12 +154,16 @@ mod tests {
     impl Scene {
         fn new() -> Self {
             let rng = Rng::new(2, "maps", 0);
-            let transmittance: Vec<f64> = (0..COUNT as u64).map(|i| 0.6 * rng.uniform_f64(i)).collect();
-            let depth = |i: usize| (1.0 - transmittance[i]) * (3.0 + rng.uniform_f64(100 + i as u64));
+            let transmittance: Vec<f64> =
+                (0..COUNT as u64).map(|i| 0.6 * rng.uniform_f64(i)).collect();
+            let depth =
+                |i: usize| (1.0 - transmittance[i]) * (3.0 + rng.uniform_f64(100 + i as u64));
             Self {
                 depth: (0..COUNT).map(depth).collect(),
                 normal: (0..COUNT as u64)
-                    .map(|i| std::array::from_fn(|c| rng.uniform_f64(1000 + 3 * i + c as u64) - 0.5))
+                    .map(|i| {
+                        std::array::from_fn(|c| rng.uniform_f64(1000 + 3 * i + c as u64) - 0.5)
+                    })
                     .collect(),
                 transmittance,
             }

@@ -45,7 +45,9 @@ pub fn basis<R: Real>(degree: u8, v: V3<R>) -> [R; MAX_COEFFICIENTS] {
     if degree < 2 {
         return out;
     }
-    let (xx, yy, zz) = (x * x, y * y, z * z);
+    let xx = x * x;
+    let yy = y * y;
+    let zz = z * z;
     out[4] = of(SH_C2[0]) * x * y;
     out[5] = of(SH_C2[1]) * y * z;
     out[6] = of(SH_C2[2]) * (zz + zz - xx - yy);
@@ -87,8 +89,12 @@ pub fn basis_grad<R: Real>(degree: u8, v: V3<R>, d: &[R; MAX_COEFFICIENTS]) -> V
         return out;
     }
     let [k0, k1, k2, k3, k4, k5, k6] = SH_C3.map(of);
-    let (xx, yy, zz) = (x * x, y * y, z * z);
-    let (three, six, eight) = (of(3.0), of(6.0), of(8.0));
+    let xx = x * x;
+    let yy = y * y;
+    let zz = z * z;
+    let three = of(3.0);
+    let six = of(6.0);
+    let eight = of(8.0);
     let four = of(4.0) * zz - xx - yy;
     out.x = out.x + k0 * six * x * y * d[9] + k1 * y * z * d[10]
         - two * k2 * x * y * d[11]
@@ -96,11 +102,12 @@ pub fn basis_grad<R: Real>(degree: u8, v: V3<R>, d: &[R; MAX_COEFFICIENTS]) -> V
         + k4 * (four - two * xx) * d[13]
         + two * k5 * x * z * d[14]
         + three * k6 * (xx - yy) * d[15];
-    out.y = out.y + three * k0 * (xx - yy) * d[9] + k1 * x * z * d[10] + k2 * (four - two * yy) * d[11]
-        - six * k3 * y * z * d[12]
-        - two * k4 * x * y * d[13]
-        - two * k5 * y * z * d[14]
-        - six * k6 * x * y * d[15];
+    out.y =
+        out.y + three * k0 * (xx - yy) * d[9] + k1 * x * z * d[10] + k2 * (four - two * yy) * d[11]
+            - six * k3 * y * z * d[12]
+            - two * k4 * x * y * d[13]
+            - two * k5 * y * z * d[14]
+            - six * k6 * x * y * d[15];
     out.z = out.z
         + k1 * x * y * d[10]
         + eight * k2 * y * z * d[11]
@@ -122,7 +129,8 @@ mod tests {
 
     #[test]
     fn the_constant_of_soups_is_the_kernels_to_one_unit_in_the_last_place() {
-        let (exact, soup) = (SH_C0 as f32, trisplat_scene::SH_C0);
+        let exact = SH_C0 as f32;
+        let soup = trisplat_scene::SH_C0;
         assert!(soup == exact || soup.next_up() == exact);
     }
 }

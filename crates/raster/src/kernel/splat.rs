@@ -86,7 +86,8 @@ fn outline<R: Real>([a, b]: [V2<R>; 2]) -> ([V2<R>; 3], [R; 3], R, R) {
 pub fn splat<R: Real>(corners: &CameraTriangle<R>, focal: V2<R>, center: V2<R>) -> Splat<R> {
     let CameraTriangle { first, edges } = *corners;
     let u = first.xy().scale(R::of(1.0) / first.z);
-    let (a, b) = (side(u, first.z, edges[0], focal), side(u, first.z, edges[1], focal));
+    let a = side(u, first.z, edges[0], focal);
+    let b = side(u, first.z, edges[1], focal);
     let (outline, lengths, perimeter, cross) = outline([a, b]);
     let scale = perimeter / cross;
     let mut edge = [V2::zero(); 3];
@@ -169,7 +170,10 @@ fn screen_grad<R: Real>(
         d_edges[k] = V3::new(g.x, g.y, d_z - g.dot(u));
     }
     let d_xy = d_u.scale(inv_z);
-    CameraTriangle { first: V3::new(d_xy.x, d_xy.y, d_first_z - d_u.dot(u) * inv_z), edges: d_edges }
+    CameraTriangle {
+        first: V3::new(d_xy.x, d_xy.y, d_first_z - d_u.dot(u) * inv_z),
+        edges: d_edges,
+    }
 }
 
 /// Depth plane and normal of a triangle wholly in front of the camera.
@@ -214,7 +218,8 @@ pub fn depth_plane_grad<R: Real>(
     d: &DepthPlaneGrad<R>,
 ) -> CameraTriangle<R> {
     let (n, scale) = scaled_normal(corners);
-    let (e1, e2) = (corners.edges[0].scale(scale), corners.edges[1].scale(scale));
+    let e1 = corners.edges[0].scale(scale);
+    let e2 = corners.edges[1].scale(scale);
     let inv_offset = R::of(1.0) / n.dot(corners.first);
     let inv_length = R::of(1.0) / n.length();
     let signed = towards_camera(n.dot(corners.first), inv_length);
@@ -225,7 +230,13 @@ pub fn depth_plane_grad<R: Real>(
     d_n = d_n + corners.first.scale(d_offset);
     let mut d_first = n.scale(d_offset);
     d_first.z = d_first.z - d.inv_depth * plane.inv_depth * plane.inv_depth;
-    let moved = screen_grad(corners, focal, splat, -plane.slope.scale(d.inv_depth), [V2::zero(), V2::zero()]);
+    let moved = screen_grad(
+        corners,
+        focal,
+        splat,
+        -plane.slope.scale(d.inv_depth),
+        [V2::zero(), V2::zero()],
+    );
     let d_n = d_n.scale(scale);
     CameraTriangle { first: d_first + moved.first, edges: [e2.cross(d_n), d_n.cross(e1)] }
 }
@@ -260,7 +271,9 @@ fn fade_position<R: Real>(inradius: R, full_px: R) -> R {
 #[inline(always)]
 pub fn incenter<R: Real>(splat: &Splat<R>) -> V2<R> {
     let [a, b] = splat.sides;
-    let (l0, l1, l2) = (a.length(), (b - a).length(), b.length());
+    let l0 = a.length();
+    let l1 = (b - a).length();
+    let l2 = b.length();
     (a.scale(l2) + b.scale(l0)).scale(R::of(1.0) / (l0 + l1 + l2))
 }
 
@@ -291,7 +304,8 @@ pub fn pieces(front: [bool; 3]) -> ([Piece; 2], usize) {
     let from = |i: u8| (i, (i + 1) % 3, (i + 2) % 3);
     let tip = |(i, j, k): (u8, u8, u8)| ([[corner(i, i), corner(i, j), corner(i, k)], WHOLE], 1);
     let stump = |(i, j, k): (u8, u8, u8)| {
-        let (near_j, near_k) = (corner(j, i), corner(k, i));
+        let near_j = corner(j, i);
+        let near_k = corner(k, i);
         ([[corner(j, j), corner(k, k), near_k], [corner(j, j), near_k, near_j]], 2)
     };
     match front {
@@ -323,5 +337,8 @@ pub fn near_point_grad<R: Real>(from: V3<R>, to: V3<R>, near: R, d: V3<R>) -> (V
     let d_t = d.x.mul_add(edge.x, d.y * edge.y) / edge.z;
     let zero = R::of(0.0);
     let flat = V3::new(d.x, d.y, zero);
-    (flat.scale(rest) - V3::new(zero, zero, d_t * rest), flat.scale(t) - V3::new(zero, zero, d_t * t))
+    (
+        flat.scale(rest) - V3::new(zero, zero, d_t * rest),
+        flat.scale(t) - V3::new(zero, zero, d_t * t),
+    )
 }

@@ -7,7 +7,9 @@ use trisplat_scene::math::real::Real;
 use trisplat_scene::parallel;
 
 /// The number type of the loss: f32 for training, f64 for testing the gradient.
-pub trait LossNumber: Real<Mask = bool> + Default + Send + Sync + PartialOrd + Into<f64> + AddAssign {
+pub trait LossNumber:
+    Real<Mask = bool> + Default + Send + Sync + PartialOrd + Into<f64> + AddAssign
+{
     /// The weighted sum of rows that start at the same place: `out[i] = Σ tap_k · row_k[i]`.
     fn weighted_sum<L: Lanes>(rows: &[(Self, &[Self])], out: &mut [Self]);
 }
@@ -83,7 +85,12 @@ pub(super) fn blur_row<L: Lanes, R: LossNumber>(taps: &[R; TAPS], padded: &[R], 
 
 /// Blurs along y at row `at`: the sum of `taps` times the rows around it that exist.
 #[inline(always)]
-pub(super) fn blur_column<L: Lanes, R: LossNumber>(taps: &[R; TAPS], rows: &[R], at: usize, out: &mut [R]) {
+pub(super) fn blur_column<L: Lanes, R: LossNumber>(
+    taps: &[R; TAPS],
+    rows: &[R],
+    at: usize,
+    out: &mut [R],
+) {
     let stride = out.len();
     let height = rows.len() / stride;
     let first = REACH.saturating_sub(at);
@@ -124,12 +131,19 @@ pub(super) const MAPS: usize = 4;
 pub(super) const GRADS: usize = 3;
 
 /// Pass 1: x, y, x² + y², xy blurred along x.
-pub(super) fn blur_maps<R: LossNumber>(taps: &[R; TAPS], row: usize, x: &[R], y: &[R], maps: &mut [R]) {
+pub(super) fn blur_maps<R: LossNumber>(
+    taps: &[R; TAPS],
+    row: usize,
+    x: &[R],
+    y: &[R],
+    maps: &mut [R],
+) {
     parallel::for_each_with(
         maps.chunks_mut(MAPS * row),
         || vec![R::default(); row + 2 * PAD],
         |padded, at, out| {
-            let (x, y) = (&x[at * row..][..row], &y[at * row..][..row]);
+            let x = &x[at * row..][..row];
+            let y = &y[at * row..][..row];
             dispatch(MapsRow { taps, x, y, padded, out });
         },
     );
@@ -208,7 +222,9 @@ impl<R: LossNumber> Work for SsimRow<'_, R> {
         blur_column::<L, R>(self.taps, self.maps, self.at, self.blurred);
         ssim_row(self.blurred, self.scale, self.values, self.padded);
         weight_by(self.values, self.weight);
-        for (padded, out) in self.padded.chunks_exact_mut(row + 2 * PAD).zip(self.out.chunks_exact_mut(row)) {
+        for (padded, out) in
+            self.padded.chunks_exact_mut(row + 2 * PAD).zip(self.out.chunks_exact_mut(row))
+        {
             weight_by(&mut padded[PAD..PAD + row], self.weight);
             blur_row::<L, R>(self.taps, padded, out);
         }
@@ -221,17 +237,24 @@ impl<R: LossNumber> Work for SsimRow<'_, R> {
 fn ssim_row<R: LossNumber>(blurred: &[R], scale: R, values: &mut [R], padded: &mut [R]) {
     let row = values.len();
     let map = |m: usize| &blurred[m * row..][..row];
-    let (mx, my, squares, exy) = (map(0), map(1), map(2), map(3));
+    let mx = map(0);
+    let my = map(1);
+    let squares = map(2);
+    let exy = map(3);
     let (d_mean, rest) = padded.split_at_mut(row + 2 * PAD);
     let (d_square, d_cross) = rest.split_at_mut(row + 2 * PAD);
-    let (d_mean, d_square, d_cross) =
-        (&mut d_mean[PAD..][..row], &mut d_square[PAD..][..row], &mut d_cross[PAD..][..row]);
-    let (one, two) = (R::of(1.0), R::of(2.0));
+    let d_mean = &mut d_mean[PAD..][..row];
+    let d_square = &mut d_square[PAD..][..row];
+    let d_cross = &mut d_cross[PAD..][..row];
+    let one = R::of(1.0);
+    let two = R::of(2.0);
     for i in 0..row {
-        let (a, b) = (mx[i], my[i]);
+        let a = mx[i];
+        let b = my[i];
         let variances = squares[i] - a * a - b * b;
         let Factors { luminance, structure, means, variances } = factors(a, b, exy[i], variances);
-        let (inverse_means, inverse_variances) = (one / means, one / variances);
+        let inverse_means = one / means;
+        let inverse_variances = one / variances;
         let inverse = inverse_means * inverse_variances;
         let s = luminance * structure * inverse;
         values[i] = s;

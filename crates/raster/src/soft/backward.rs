@@ -1,10 +1,16 @@
 //! The backward pass over the tiles: sums of the pixels' gradients for every (splat, tile).
 
 use super::frame::{FrameGrad, SoftOptions, Sort, Window};
-use super::layers::{BlockLayers, BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelLimits};
-use super::slots::{DRAWN, ERROR, GeometryGradSlot, GradSlot, GradSlots, OPACITY, RATIO, RGB, SIGMA};
+use super::layers::{
+    BlockLayers, BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelLimits,
+};
+use super::slots::{
+    DRAWN, ERROR, GeometryGradSlot, GradSlot, GradSlots, OPACITY, RATIO, RGB, SIGMA,
+};
 use super::splats::{PREFETCH_AHEAD, Splats};
-use super::tiles::{self, BLOCKS, TileChannel, TileEntry, TileGeometry, TilePixels, Tiles, split_by_tile};
+use super::tiles::{
+    self, BLOCKS, TileChannel, TileEntry, TileGeometry, TilePixels, Tiles, split_by_tile,
+};
 use crate::kernel::window;
 use glam::UVec2;
 use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
@@ -28,9 +34,20 @@ pub(super) fn draw_grad(
     let geometry = split_by_tile(geometry, &tiles.starts);
     parallel::for_each(base.into_iter().zip(geometry), |tile, (slots, geometry_slots)| {
         let entries = tiles.entries_of(tile);
-        let (corner, size) = (tiles.corner(tile), tiles.size);
+        let corner = tiles.corner(tile);
+        let size = tiles.size;
         let pixels = &pixels[tile];
-        dispatch(TileBackward { splats, entries, slots, geometry_slots, pixels, corner, size, options, d });
+        dispatch(TileBackward {
+            splats,
+            entries,
+            slots,
+            geometry_slots,
+            pixels,
+            corner,
+            size,
+            options,
+            d,
+        });
     });
 }
 
@@ -103,7 +120,9 @@ impl<'a> GeometryGrad<'a> {
     /// ∂distortion/∂w and ∂distortion/∂m of a layer.
     #[inline(always)]
     fn distortion<L: Lanes>(&self, b: usize, inv_depth: L, weight: L) -> (L, L) {
-        let m = L::splat(self.map.a) - L::splat(self.map.b) * inv_depth - L::load(&self.forward.anchor[b]);
+        let m = L::splat(self.map.a)
+            - L::splat(self.map.b) * inv_depth
+            - L::load(&self.forward.anchor[b]);
         let sums = &self.forward.sums;
         let sums = [L::load(&sums[0][b]), L::load(&sums[1][b]), L::load(&sums[2][b])];
         window::distortion_grad(weight, m, sums)
@@ -124,7 +143,8 @@ impl<'a> GeometryGrad<'a> {
         let z = L::splat(1.0) / inv_depth;
         let (_, by_m) = self.distortion(b, inv_depth, weight);
         let is_median = window::is_median(before, after);
-        let d_z = weight.mul_add(L::load(&self.depth[b]), L::load(&self.median[b]).masked(is_median));
+        let d_z =
+            weight.mul_add(L::load(&self.depth[b]), L::load(&self.median[b]).masked(is_median));
         let by_m = L::splat(self.map.b) * L::load(&self.distortion[b]) * by_m;
         let d_inv_depth = (-(d_z * z * z) - by_m).masked(s.drawn);
         out[0] = out[0] + d_inv_depth;
@@ -187,7 +207,11 @@ impl TileBackward<'_> {
     }
 
     #[inline(always)]
-    fn splat<'g, L: Lanes>(&self, entry: usize, geometry: Option<&'g GeometryGrad>) -> BackwardSplat<'g, L> {
+    fn splat<'g, L: Lanes>(
+        &self,
+        entry: usize,
+        geometry: Option<&'g GeometryGrad>,
+    ) -> BackwardSplat<'g, L> {
         let splat = self.entries[entry].splat as usize;
         BackwardSplat {
             broadcast: BroadcastSplat::new(&self.splats.records[splat]),
@@ -244,7 +268,8 @@ impl TileBackward<'_> {
                 let value = self.splat::<L>(layer.entry, geometry).value(b, &shade, &state);
                 value.store(layers.value(i));
             }
-            let (before, behind) = (&mut state.transmittance[b], &mut state.behind[b]);
+            let before = &mut state.transmittance[b];
+            let behind = &mut state.behind[b];
             layers.replay::<L>(before, behind, self.options.min_transmittance);
             for i in 0..layers.len() {
                 let (layer, shade) = layers.shade::<L>(i, self.entries, self.splats);
@@ -318,14 +343,17 @@ impl<L: Lanes> BackwardSplat<'_, L> {
         let r = L::load(&state.d_rgb[0][b]);
         let g = L::load(&state.d_rgb[1][b]);
         let blue = L::load(&state.d_rgb[2][b]);
-        let mut value =
-            self.broadcast.rgb[2].mul_add(blue, self.broadcast.rgb[1].mul_add(g, self.broadcast.rgb[0] * r));
+        let mut value = self.broadcast.rgb[2]
+            .mul_add(blue, self.broadcast.rgb[1].mul_add(g, self.broadcast.rgb[0] * r));
         if let Some((grads, plane)) = &self.plane {
             let inv_depth = plane.inv_depth(shade.offset);
             let z = (L::splat(1.0) / inv_depth).masked(shade.drawn);
             let (cost, _) = grads.distortion(b, inv_depth, L::splat(0.0));
-            value = value + L::load(&grads.depth[b]).mul_add(z, L::load(&grads.distortion[b]) * cost);
-            for (n, d) in [plane.normal.x, plane.normal.y, plane.normal.z].into_iter().zip(&grads.normal) {
+            value =
+                value + L::load(&grads.depth[b]).mul_add(z, L::load(&grads.distortion[b]) * cost);
+            for (n, d) in
+                [plane.normal.x, plane.normal.y, plane.normal.z].into_iter().zip(&grads.normal)
+            {
                 value = n.mul_add(L::load(&d[b]), value);
             }
         }
@@ -347,13 +375,17 @@ impl<L: Lanes> BackwardSplat<'_, L> {
         let background = L::load(&state.background[b]);
         let d_alpha = window::blend_grad(before, s.alpha, value, behind, last, background);
         let d_log = (d_alpha * s.raw).masked(s.drawn.and(s.raw.le(self.limits.cap)));
-        let (sigma, least) = (self.broadcast.sigma, self.ratio_least);
+        let sigma = self.broadcast.sigma;
+        let least = self.ratio_least;
         let (d_sigma, d_ratio, edges) = match self.limits.window {
             Window::Soft => {
-                let (d_sigma, d_ratio) = window::alpha_grad(s.ratio, s.log2_ratio, sigma, least, d_log);
+                let (d_sigma, d_ratio) =
+                    window::alpha_grad(s.ratio, s.log2_ratio, sigma, least, d_log);
                 (d_sigma, d_ratio, window::nearest(&s.ratios))
             }
-            Window::Coverage { .. } => (L::splat(0.0), d_log / s.ratio, window::coverage_edges(&s.ratios)),
+            Window::Coverage { .. } => {
+                (L::splat(0.0), d_log / s.ratio, window::coverage_edges(&s.ratios))
+            }
         };
         let out = &mut sums.base;
         for c in 0..3 {

@@ -1,7 +1,9 @@
 //! The forward pass: blends the splats of every tile front to back.
 
 use super::frame::{SoftOptions, Sort};
-use super::layers::{BlockLayers, BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelLimits};
+use super::layers::{
+    BlockLayers, BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelLimits,
+};
 use super::slots::{CountedPixels, WeightSlot};
 use super::splats::{PREFETCH_AHEAD, Splats};
 use super::tiles::{
@@ -41,13 +43,27 @@ pub(super) fn draw(
     if options.importance {
         weights.resize(tiles.entries.len(), WeightSlot::default());
     }
-    let (size, across) = (tiles.size, tiles.count.x);
+    let size = tiles.size;
+    let across = tiles.count.x;
     let entries = split_by_tile(&mut tiles.entries, &tiles.starts);
     let weights = split_by_tile(weights, &tiles.starts);
-    parallel::for_each(pixels.iter_mut().zip(entries).zip(weights), |tile, ((pixels, entries), weights)| {
-        let corner = UVec2::new(tile as u32 % across, tile as u32 / across) * TILE;
-        dispatch(DrawTile { splats, entries, weights, pixels, corner, size, slab, options, counted });
-    });
+    parallel::for_each(
+        pixels.iter_mut().zip(entries).zip(weights),
+        |tile, ((pixels, entries), weights)| {
+            let corner = UVec2::new(tile as u32 % across, tile as u32 / across) * TILE;
+            dispatch(DrawTile {
+                splats,
+                entries,
+                weights,
+                pixels,
+                corner,
+                size,
+                slab,
+                options,
+                counted,
+            });
+        },
+    );
 }
 
 /// Blends the background behind all slabs.
@@ -203,10 +219,17 @@ impl DrawTile<'_> {
 
     #[inline(always)]
     fn broadcast<L: Lanes, const GEOMETRY: bool>(&self, splat: u32) -> ForwardSplat<L> {
-        let plane =
-            if GEOMETRY { Some(BroadcastPlane::new(&self.splats.planes[splat as usize])) } else { None };
+        let plane = if GEOMETRY {
+            Some(BroadcastPlane::new(&self.splats.planes[splat as usize]))
+        } else {
+            None
+        };
         let map = DepthMap::new(self.options.depth_range);
-        ForwardSplat { broadcast: BroadcastSplat::new(&self.splats.records[splat as usize]), plane, map }
+        ForwardSplat {
+            broadcast: BroadcastSplat::new(&self.splats.records[splat as usize]),
+            plane,
+            map,
+        }
     }
 }
 
@@ -288,7 +311,8 @@ impl TileGeometry {
         plane: &BroadcastPlane<L>,
         shade: &BlockShade<L>,
     ) {
-        let (drawn, inv_depth) = (shade.drawn, plane.inv_depth(shade.offset));
+        let drawn = shade.drawn;
+        let inv_depth = plane.inv_depth(shade.offset);
         let z = (L::splat(1.0) / inv_depth).masked(drawn);
         add(&mut self.depth[b], weight, z);
         add(&mut self.normal[0][b], weight, plane.normal.x);
@@ -296,7 +320,8 @@ impl TileGeometry {
         add(&mut self.normal[2][b], weight, plane.normal.z);
         L::select(crosses, z, L::load(&self.median[b])).store(&mut self.median[b]);
         let m = L::splat(map.a) - L::splat(map.b) * inv_depth;
-        let sums = [L::load(&self.sums[0][b]), L::load(&self.sums[1][b]), L::load(&self.sums[2][b])];
+        let sums =
+            [L::load(&self.sums[0][b]), L::load(&self.sums[1][b]), L::load(&self.sums[2][b])];
         let is_first = sums[0].le(L::splat(0.0)).and(drawn);
         let anchor = L::select(is_first, m, L::load(&self.anchor[b]));
         anchor.store(&mut self.anchor[b]);

@@ -3,8 +3,8 @@
 use super::frame::{SoftOptions, SoupGrad, SoupRef, Window};
 use super::slots::{ERROR, GEOMETRY_SUMS, GradSlots, OPACITY, RATIO, RGB, SIGMA, SplatSums};
 use super::splats::{
-    CHUNK, Columns, KernelCamera, ProjectedSplat, SplatChunk, UnclippedTriangle, broadcast, columns,
-    direction, flat, load2, load3, put, triangles, vec3,
+    CHUNK, Columns, KernelCamera, ProjectedSplat, SplatChunk, UnclippedTriangle, broadcast,
+    columns, direction, flat, load2, load3, put, triangles, vec3,
 };
 use super::tiles::Tiles;
 use crate::kernel::sh;
@@ -41,9 +41,12 @@ impl Work for CornerGrads<'_> {
                 put(&mut base, lane, s.base[OPACITY..].first_chunk().expect("as many sums"));
                 put(&mut geometry, lane, &s.geometry);
             }
-            corners = columns(flat(&grads::<L>(&corners, &base, &geometry, self.focal, self.options)));
+            corners =
+                columns(flat(&grads::<L>(&corners, &base, &geometry, self.focal, self.options)));
             for (lane, _) in some.iter().enumerate() {
-                let at = |i: usize| V3::new(corners[i][lane], corners[i + 1][lane], corners[i + 2][lane]);
+                let at = |i: usize| {
+                    V3::new(corners[i][lane], corners[i + 1][lane], corners[i + 2][lane])
+                };
                 out.push(CameraTriangle { first: at(0), edges: [at(3), at(6)] });
             }
         }
@@ -60,14 +63,17 @@ fn grads<L: Lanes>(
     focal: V2<f32>,
     options: &SoftOptions,
 ) -> CameraTriangle<L> {
-    let (corners, focal) = (triangles(corners), broadcast(focal));
+    let corners = triangles(corners);
+    let focal = broadcast(focal);
     let splat = splat::splat(&corners, focal, V2::zero());
     let full_px = L::splat(options.fade_px);
     let by_fade = splat::fade_grad(splat.inradius, full_px) / splat::fade(splat.inradius, full_px);
     // Distances from the edges are ratios times an inradius, in which a constant inradius cancels.
     let (scale, by_inradius, by_incenter) = match options.window {
         Window::Soft => (L::splat(1.0), by_fade, L::splat(1.0)),
-        Window::Coverage { width_px } => (splat.inradius / L::splat(width_px), L::splat(0.0), L::splat(0.0)),
+        Window::Coverage { width_px } => {
+            (splat.inradius / L::splat(width_px), L::splat(0.0), L::splat(0.0))
+        }
     };
     let first = RATIO - OPACITY;
     let ratio = |i: usize| L::load(&base[first + 3 * i]) * scale;
@@ -85,7 +91,13 @@ fn grads<L: Lanes>(
             slope: load2(geometry, 1),
             normal: load3(geometry, 3),
         };
-        let more = splat::depth_plane_grad(&corners, focal, &splat, &splat::depth_plane(&corners, focal), &d);
+        let more = splat::depth_plane_grad(
+            &corners,
+            focal,
+            &splat,
+            &splat::depth_plane(&corners, focal),
+            &d,
+        );
         out.first = out.first + more.first;
         out.edges = [out.edges[0] + more.edges[0], out.edges[1] + more.edges[1]];
     }
@@ -122,7 +134,8 @@ pub(super) fn gather(
     options: &SoftOptions,
     out: &mut SoupGrad,
 ) {
-    let (n, k) = (soup.count(), soup.sh_count());
+    let n = soup.count();
+    let k = soup.sh_count();
     let fits = out.vertices.len() == n && out.sh.len() == n * k;
     if !fits {
         *out = SoupGrad {
@@ -145,7 +158,8 @@ pub(super) fn gather(
     let found: Vec<(Vec<u32>, usize)> =
         parallel::map(rows, |c, (((vertices, opacity), sigma), (sh, error))| {
             let first = c * CHUNK;
-            let mut rows = GradRows { soup, camera, options, first, vertices, opacity, sigma, sh, error, k };
+            let mut rows =
+                GradRows { soup, camera, options, first, vertices, opacity, sigma, sh, error, k };
             stale.visible_in(first..first + CHUNK).iter().for_each(|&t| rows.zero(t as usize));
             rows.fill(pairs, &pairs.chunks[c].projected)
         });
@@ -174,9 +188,11 @@ impl GradRows<'_> {
         let mut visible = Vec::with_capacity(projected.len());
         let mut dropped = 0;
         let sums = SplatSums::of_chunk(pairs.tiles, pairs.slots, projected, options.geometry);
-        let unclipped =
-            |s: &ProjectedSplat| UnclippedTriangle::new(camera, &soup.vertices[s.record.triangle as usize]);
-        let corners: Vec<_> = projected.iter().map(|s| unclipped(s).piece(&s.piece, options.near)).collect();
+        let unclipped = |s: &ProjectedSplat| {
+            UnclippedTriangle::new(camera, &soup.vertices[s.record.triangle as usize])
+        };
+        let corners: Vec<_> =
+            projected.iter().map(|s| unclipped(s).piece(&s.piece, options.near)).collect();
         let d_corners =
             dispatch(CornerGrads { corners: &corners, sums: &sums, focal: camera.focal, options });
         let mut at = 0;
@@ -188,7 +204,13 @@ impl GradRows<'_> {
                 if sums[i].drawn() {
                     drawn = true;
                     row.add(&sums[i], soup.opacity[triangle]);
-                    row.add_corners(&d_corners[i], piece, &soup.vertices[triangle], camera, options.near);
+                    row.add_corners(
+                        &d_corners[i],
+                        piece,
+                        &soup.vertices[triangle],
+                        camera,
+                        options.near,
+                    );
                 }
             }
             at += pieces.len();
@@ -231,7 +253,8 @@ impl GradRows<'_> {
 
     /// Writes the gradients of the coefficients; returns ∂L/∂(centroid - camera).
     fn color_grad(&mut self, d: [f32; 3], triangle: usize) -> Vec3 {
-        let (soup, i) = (self.soup, triangle - self.first);
+        let soup = self.soup;
+        let i = triangle - self.first;
         let out = &mut self.sh[i * self.k..(i + 1) * self.k];
         let used = soup.active_sh(triangle);
         let degree = soup.active_degree.min(soup.sh_degree);
@@ -292,7 +315,8 @@ impl GradRow {
         }
         let unclipped = UnclippedTriangle::new(camera, triangle);
         for (corner, d) in projected.piece.iter().zip(each) {
-            let (from, to) = (corner.from as usize, corner.to as usize);
+            let from = corner.from as usize;
+            let to = corner.to as usize;
             if from == to {
                 self.vertices[from] += back * vec3(d);
             } else {

@@ -73,7 +73,11 @@ impl<L: Lanes> BroadcastSplat<L> {
     pub(super) fn new(record: &SplatRecord) -> Self {
         Self {
             origin: record.origin,
-            edge: [broadcast_v2(record.edge[0]), broadcast_v2(record.edge[1]), broadcast_v2(record.edge[2])],
+            edge: [
+                broadcast_v2(record.edge[0]),
+                broadcast_v2(record.edge[1]),
+                broadcast_v2(record.edge[2]),
+            ],
             shift: L::splat(record.shift),
             floor: L::splat(record.floor),
             sigma: L::splat(record.sigma),
@@ -157,14 +161,21 @@ impl<L: Lanes> BroadcastPlane<L> {
         Self {
             inv_depth: L::splat(plane.inv_depth),
             slope: V2::new(L::splat(plane.slope.x), L::splat(plane.slope.y)),
-            normal: V3::new(L::splat(plane.normal.x), L::splat(plane.normal.y), L::splat(plane.normal.z)),
+            normal: V3::new(
+                L::splat(plane.normal.x),
+                L::splat(plane.normal.y),
+                L::splat(plane.normal.z),
+            ),
         }
     }
 
     /// 1 / z at `offset` from the origin; positive inside the triangle, and bounded away from 0 against rounding.
     #[inline(always)]
     pub(super) fn inv_depth(&self, offset: V2<L>) -> L {
-        self.slope.y.mul_add(offset.y, self.slope.x.mul_add(offset.x, self.inv_depth)).max(L::splat(1e-20))
+        self.slope
+            .y
+            .mul_add(offset.y, self.slope.x.mul_add(offset.x, self.inv_depth))
+            .max(L::splat(1e-20))
     }
 }
 
@@ -216,8 +227,14 @@ impl<L: Lanes> OccluderDepth<L> {
     #[inline(always)]
     fn new(min_transmittance: f32) -> Self {
         let zero = L::splat(0.0);
-        let (whole, half) = (1.0 - min_transmittance, 1.0 - min_transmittance.sqrt());
-        Self { inv_depth: zero, nearest_half: zero, whole_alpha: L::splat(whole), half_alpha: L::splat(half) }
+        let whole = 1.0 - min_transmittance;
+        let half = 1.0 - min_transmittance.sqrt();
+        Self {
+            inv_depth: zero,
+            nearest_half: zero,
+            whole_alpha: L::splat(whole),
+            half_alpha: L::splat(half),
+        }
     }
 
     /// Adds a layer; its alpha is 0 where it is not drawn.
@@ -321,14 +338,17 @@ impl BlockLayers {
             if L::bits(in_front) == 0 {
                 continue;
             }
-            let Some(mut shade) = splat.shade(self.corner, L::splat(1.0), &limits) else { continue };
+            let Some(mut shade) = splat.shade(self.corner, L::splat(1.0), &limits) else {
+                continue;
+            };
             shade.drawn = shade.drawn.and(in_front);
             shade.alpha = shade.alpha.masked(shade.drawn);
             if L::bits(shade.drawn) == 0 {
                 continue;
             }
             occluder.add(inv_depth, shade.alpha);
-            let mut layer = BlockLayer { entry, drawn: L::bits(shade.drawn), ..BlockLayer::default() };
+            let mut layer =
+                BlockLayer { entry, drawn: L::bits(shade.drawn), ..BlockLayer::default() };
             inv_depth.store(&mut layer.inv_depth);
             shade.alpha.store(&mut layer.alpha);
             self.layers.push(layer);
@@ -337,7 +357,8 @@ impl BlockLayers {
 
     #[inline(always)]
     fn limits<L: Lanes>(&self) -> PixelLimits<L> {
-        let (cap, min_transmittance) = (L::splat(self.cap), L::splat(0.0));
+        let cap = L::splat(self.cap);
+        let min_transmittance = L::splat(0.0);
         PixelLimits { cap, min_transmittance, window: self.window }
     }
 
@@ -385,7 +406,8 @@ impl BlockLayers {
     #[inline(always)]
     fn front<L: Lanes>(&self, alive: u16) -> Option<FrontLayer<L>> {
         let zero = L::splat(0.0);
-        let (mut nearest, mut lanes) = (zero, 0);
+        let mut nearest = zero;
+        let mut lanes = 0;
         let mut front = FrontLayer { lanes: 0, which: zero, alpha: zero, value: zero };
         for (i, (layer, left)) in self.layers.iter().zip(&self.left).enumerate() {
             if left & alive == 0 {

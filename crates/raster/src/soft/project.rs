@@ -2,8 +2,9 @@
 
 use super::frame::{SoftOptions, Sort, SoupRef, Window};
 use super::splats::{
-    self, CHUNK, Columns, DepthKey, KernelCamera, ProjectedSplat, Projection, ScreenBox, SplatChunk,
-    SplatRecord, UnclippedTriangle, broadcast, columns, direction, flat, numbers, put, triangles,
+    self, CHUNK, Columns, DepthKey, KernelCamera, ProjectedSplat, Projection, ScreenBox,
+    SplatChunk, SplatRecord, UnclippedTriangle, broadcast, columns, direction, flat, numbers, put,
+    triangles,
 };
 use crate::kernel::splat::{self, CameraTriangle, DepthPlane, Piece, Splat};
 use crate::kernel::{sh, window};
@@ -31,8 +32,10 @@ impl Projection {
         self.keys.clear();
         for (c, chunk) in self.chunks.iter().enumerate() {
             // At most two splats per triangle, so the index in a chunk fits in 11 bits.
-            let key =
-                |(i, depth): (usize, &u32)| DepthKey { depth: *depth, index: (c * 2 * CHUNK + i) as u32 };
+            let key = |(i, depth): (usize, &u32)| DepthKey {
+                depth: *depth,
+                index: (c * 2 * CHUNK + i) as u32,
+            };
             self.keys.extend(chunk.depths.iter().enumerate().map(key));
         }
         splats::by_depth(&mut self.keys, &mut self.scratch);
@@ -44,7 +47,8 @@ impl Projection {
         let projected = |key: &DepthKey| {
             &chunks[key.index as usize / (2 * CHUNK)].projected[key.index as usize % (2 * CHUNK)]
         };
-        let (keys, splats) = (&self.keys, &mut self.splats);
+        let keys = &self.keys;
+        let splats = &mut self.splats;
         splats.records.clear();
         parallel::extend(&mut splats.records, keys.len(), GRAIN, |i| projected(&keys[i]).record);
         splats.bounds.clear();
@@ -69,7 +73,8 @@ impl Work for ProjectChunk<'_> {
     fn run<L: Lanes>(mut self) {
         self.chunk.projected.clear();
         self.chunk.depths.clear();
-        let (soup, near) = (self.soup, self.options.near);
+        let soup = self.soup;
+        let near = self.options.near;
         let mut group = PieceGroup::default();
         for i in self.triangles.clone() {
             if !(soup.opacity[i] > self.options.cutoff) {
@@ -78,7 +83,13 @@ impl Work for ProjectChunk<'_> {
             let unclipped = UnclippedTriangle::new(self.camera, &soup.vertices[i]);
             let (pieces, count) = splat::pieces(unclipped.corners.map(|v| v.z >= near));
             for piece in &pieces[..count] {
-                group.push(&unclipped.piece(piece, near), piece, i as u32, soup.opacity[i], soup.sigma[i]);
+                group.push(
+                    &unclipped.piece(piece, near),
+                    piece,
+                    i as u32,
+                    soup.opacity[i],
+                    soup.sigma[i],
+                );
                 if group.len == LANES {
                     self.finish::<L>(&mut group);
                 }
@@ -99,7 +110,10 @@ impl ProjectChunk<'_> {
         for splat in &mut projected[first..] {
             let triangle = splat.record.triangle;
             if last.0 != triangle {
-                last = (triangle, color(self.soup, triangle as usize, self.camera, self.options.linear));
+                last = (
+                    triangle,
+                    color(self.soup, triangle as usize, self.camera, self.options.linear),
+                );
             }
             splat.record.rgb = last.1;
         }
@@ -153,8 +167,10 @@ impl PieceGroup {
     ) {
         let at = self.len;
         put(&mut self.corners, at, &flat(corners));
-        (self.opacity[at], self.sigma[at]) = (opacity, sigma);
-        (self.triangle[at], self.piece[at]) = (triangle, *piece);
+        self.opacity[at] = opacity;
+        self.sigma[at] = sigma;
+        self.triangle[at] = triangle;
+        self.piece[at] = *piece;
         self.len += 1;
     }
 
@@ -175,10 +191,28 @@ impl PieceGroup {
         while left != 0 {
             let lane = left.trailing_zeros() as usize & (LANES - 1);
             left &= left - 1;
-            let [x, y, ax, ay, bx, by, cx, cy, shift, floor, log2_opacity, x0, y0, x1, y1, radius_px, depth] =
-                numbers(&splats, lane);
+            let [
+                x,
+                y,
+                ax,
+                ay,
+                bx,
+                by,
+                cx,
+                cy,
+                shift,
+                floor,
+                log2_opacity,
+                x0,
+                y0,
+                x1,
+                y1,
+                radius_px,
+                depth,
+            ] = numbers(&splats, lane);
             let [inv_depth, slope_x, slope_y, nx, ny, nz] = numbers(&planes, lane);
-            let (slope, normal) = (V2::new(slope_x, slope_y), V3::new(nx, ny, nz));
+            let slope = V2::new(slope_x, slope_y);
+            let normal = V3::new(nx, ny, nz);
             depths.push(depth.to_bits());
             projected.push(ProjectedSplat {
                 record: SplatRecord {
@@ -214,7 +248,8 @@ impl PieceGroup {
         if options.window == Window::Soft {
             opacity = opacity * splat::fade(splat.inradius, L::splat(options.fade_px));
         }
-        let (log2_opacity, sigma) = (opacity.log2(), L::load(&self.sigma));
+        let log2_opacity = opacity.log2();
+        let sigma = L::load(&self.sigma);
         let log2_cutoff = L::splat(options.cutoff.log2());
         // The smallest drawn ratio or coverage, its inset from the edges, by how much the bounds grow, and the
         // unit of distances from edges.
@@ -229,7 +264,8 @@ impl PieceGroup {
             }
         };
         let bounds = bounds(&splat, inset, L::splat(grown));
-        let depth = (corners.edges[0].z + corners.edges[1].z).mul_add(L::splat(1.0 / 3.0), corners.first.z);
+        let depth =
+            (corners.edges[0].z + corners.edges[1].z).mul_add(L::splat(1.0 / 3.0), corners.first.z);
         let drawn = L::splat(0.0)
             .lt(splat.inradius)
             .and(is_finite(&splat))
@@ -237,12 +273,29 @@ impl PieceGroup {
             .and(floor.lt(L::splat(1.0)))
             .and(is_inside(&bounds, camera.size));
         let Splat { origin, shift, .. } = splat;
-        let [a, b, c] = [splat.edge[0].scale(scale), splat.edge[1].scale(scale), splat.edge[2].scale(scale)];
-        let (shift, [x0, y0, x1, y1]) = (shift * scale, bounds);
+        let [a, b, c] =
+            [splat.edge[0].scale(scale), splat.edge[1].scale(scale), splat.edge[2].scale(scale)];
+        let shift = shift * scale;
+        let [x0, y0, x1, y1] = bounds;
         let radius = radius(&splat);
         let all = [
-            origin.x, origin.y, a.x, a.y, b.x, b.y, c.x, c.y, shift, floor, log2_opacity, x0, y0, x1, y1,
-            radius, depth,
+            origin.x,
+            origin.y,
+            a.x,
+            a.y,
+            b.x,
+            b.y,
+            c.x,
+            c.y,
+            shift,
+            floor,
+            log2_opacity,
+            x0,
+            y0,
+            x1,
+            y1,
+            radius,
+            depth,
         ];
         (columns(all), L::bits(drawn))
     }
@@ -251,7 +304,8 @@ impl PieceGroup {
 /// Each splat's depth plane: 1 / z, its slope, and the normal.
 #[inline(always)]
 fn planes<L: Lanes>(corners: &CameraTriangle<L>, camera: &KernelCamera) -> Columns<6> {
-    let DepthPlane { inv_depth, slope, normal } = splat::depth_plane(corners, broadcast(camera.focal));
+    let DepthPlane { inv_depth, slope, normal } =
+        splat::depth_plane(corners, broadcast(camera.focal));
     columns([inv_depth, slope.x, slope.y, normal.x, normal.y, normal.z])
 }
 
@@ -276,7 +330,8 @@ fn is_inside<L: Lanes>([x0, y0, x1, y1]: &[L; 4], size: [f32; 2]) -> L::Mask {
 #[inline(always)]
 fn bounds<L: Lanes>(splat: &Splat<L>, inset: L, grown: L) -> [L; 4] {
     let incenter = splat::incenter(splat);
-    let (middle, share) = (splat.origin + incenter, L::splat(1.0) - inset);
+    let middle = splat.origin + incenter;
+    let share = L::splat(1.0) - inset;
     let a = middle + (-incenter).scale(share);
     let b = middle + (splat.sides[0] - incenter).scale(share);
     let c = middle + (splat.sides[1] - incenter).scale(share);

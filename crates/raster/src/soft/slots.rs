@@ -67,9 +67,17 @@ pub(super) struct SplatSums {
 
 /// Prefetches the `values` of the pairs of a splat soon after `i`, and the list of pairs of a later one.
 #[inline]
-pub(super) fn prefetch_ahead<T>(tiles: &Tiles, projected: &[ProjectedSplat], i: usize, values: &[T]) {
+pub(super) fn prefetch_ahead<T>(
+    tiles: &Tiles,
+    projected: &[ProjectedSplat],
+    i: usize,
+    values: &[T],
+) {
     if let Some(ahead) = projected.get(i + SLOTS_AHEAD) {
-        tiles.entries_of_splat(ahead.rank).iter().for_each(|entry| prefetch(&values[*entry as usize]));
+        tiles
+            .entries_of_splat(ahead.rank)
+            .iter()
+            .for_each(|entry| prefetch(&values[*entry as usize]));
     }
     if let Some(ahead) = projected.get(i + 3 * SLOTS_AHEAD) {
         tiles.entries_of_splat(ahead.rank).first().into_iter().for_each(prefetch);
@@ -130,7 +138,8 @@ impl CountedPixels<'_> {
     pub(super) fn block(&self, corner: UVec2, block: usize) -> u16 {
         let counts = |lane: usize| {
             let (x, y) = tiles::pixel(corner, block, lane);
-            x < self.width && self.alpha.get((y * self.width + x) as usize).is_some_and(|&alpha| alpha > 0)
+            x < self.width
+                && self.alpha.get((y * self.width + x) as usize).is_some_and(|&alpha| alpha > 0)
         };
         (0..LANES).map(|lane| u16::from(counts(lane)) << lane).sum()
     }
@@ -166,7 +175,12 @@ impl Importance {
         }
     }
 
-    pub(super) fn accumulate(&mut self, projection: &Projection, tiles: &Tiles, weights: &[WeightSlot]) {
+    pub(super) fn accumulate(
+        &mut self,
+        projection: &Projection,
+        tiles: &Tiles,
+        weights: &[WeightSlot],
+    ) {
         if self.max_weight.len() != projection.triangles {
             *self = Self::new(projection.triangles);
         }
@@ -180,30 +194,36 @@ impl Importance {
             .zip(views.chunks_mut(CHUNK).zip(pixels.chunks_mut(CHUNK)))
             .zip(max_radius_px.chunks_mut(CHUNK).zip(nearness.chunks_mut(CHUNK)))
             .zip(&projection.chunks);
-        parallel::for_each(rows, |c, ((((max, sum), (views, pixels)), (radius, nearness)), chunk)| {
-            let mut at = 0;
-            for pieces in chunk.projected.chunk_by(|a, b| a.record.triangle == b.record.triangle) {
-                let i = pieces[0].record.triangle as usize - c * CHUNK;
-                let (mut all, mut near) = (WeightSlot::default(), 0.0f32);
-                for projected in pieces {
-                    prefetch_ahead(tiles, &chunk.projected, at, weights);
-                    let piece = of_splat(tiles, weights, projected.rank);
-                    if piece.pixels > 0 {
-                        near = near.max(f32::from_bits(chunk.depths[at]).recip());
+        parallel::for_each(
+            rows,
+            |c, ((((max, sum), (views, pixels)), (radius, nearness)), chunk)| {
+                let mut at = 0;
+                for pieces in
+                    chunk.projected.chunk_by(|a, b| a.record.triangle == b.record.triangle)
+                {
+                    let i = pieces[0].record.triangle as usize - c * CHUNK;
+                    let mut all = WeightSlot::default();
+                    let mut near = 0.0f32;
+                    for projected in pieces {
+                        prefetch_ahead(tiles, &chunk.projected, at, weights);
+                        let piece = of_splat(tiles, weights, projected.rank);
+                        if piece.pixels > 0 {
+                            near = near.max(f32::from_bits(chunk.depths[at]).recip());
+                        }
+                        at += 1;
+                        all.add(&piece);
+                        radius[i] = radius[i].max(projected.radius_px);
                     }
-                    at += 1;
-                    all.add(&piece);
-                    radius[i] = radius[i].max(projected.radius_px);
+                    max[i] = max[i].max(all.max);
+                    sum[i] += all.sum;
+                    pixels[i] += all.pixels;
+                    if all.pixels > 1 {
+                        views[i] += 1;
+                        nearness[i] = nearness[i].max(near);
+                    }
                 }
-                max[i] = max[i].max(all.max);
-                sum[i] += all.sum;
-                pixels[i] += all.pixels;
-                if all.pixels > 1 {
-                    views[i] += 1;
-                    nearness[i] = nearness[i].max(near);
-                }
-            }
-        });
+            },
+        );
     }
 }
 
@@ -230,8 +250,9 @@ mod tests {
         let mut soup = Soup::default();
         for i in 0..9u8 {
             let center = Vec3::new(-1.6 + 0.4 * f32::from(i), 0.1, 4.0 + 0.1 * f32::from(i));
-            soup.vertices
-                .push([[-0.4, -0.3], [0.4, -0.3], [0.0, 0.5]].map(|[x, y]| center + Vec3::new(x, y, 0.0)));
+            soup.vertices.push(
+                [[-0.4, -0.3], [0.4, -0.3], [0.0, 0.5]].map(|[x, y]| center + Vec3::new(x, y, 0.0)),
+            );
             soup.opacity.push(0.6);
             soup.sigma.push(if i % 2 == 0 { 0.1 } else { 1.5 });
             soup.sh.push([0.4; 3]);
@@ -241,11 +262,15 @@ mod tests {
 
     /// The importance of every triangle, summed over one drawing with each of the masks.
     fn importance(sort: Sort, masks: &[Option<&[u8]>]) -> Importance {
-        let (soup, size, focal) = (soup(), PHOTO, Vec2::splat(40.0));
-        let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
+        let soup = soup();
+        let size = PHOTO;
+        let focal = Vec2::splat(40.0);
+        let rotation = Mat3::IDENTITY;
+        let translation = Vec3::ZERO;
         let camera = Camera { rotation, translation, focal, center: size.as_vec2() / 2.0, size };
         let options = SoftOptions { importance: true, sort, ..SoftOptions::default() };
-        let (mut soft, mut out) = (SoftRasterizer::new(), Importance::new(soup.len()));
+        let mut soft = SoftRasterizer::new();
+        let mut out = Importance::new(soup.len());
         for mask in masks {
             let counted = mask.map(|alpha| CountedPixels { alpha, width: PHOTO.x });
             soft.render_counting(&SoupRef::from(&soup), &camera, &options, counted);
@@ -272,18 +297,25 @@ mod tests {
             assert_eq!(once.max_weight, singly.max_weight);
             assert_eq!(once.pixels, singly.pixels);
             let close = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-5 * b.max(1.0);
-            assert!(once.sum_weight.iter().zip(&singly.sum_weight).all(close), "{once:?} is not {singly:?}");
+            assert!(
+                once.sum_weight.iter().zip(&singly.sum_weight).all(close),
+                "{once:?} is not {singly:?}"
+            );
             // The last triangles are in the right half only: drawn, but shown by no pixel that counts.
             assert!(once.max_weight[0] > 0.5 && once.views[0] == 1);
             let last = soup().len() - 1;
-            assert_eq!((once.max_weight[last], once.sum_weight[last], once.views[last]), (0.0, 0.0, 0));
+            assert_eq!(
+                (once.max_weight[last], once.sum_weight[last], once.views[last]),
+                (0.0, 0.0, 0)
+            );
         }
     }
 
     #[test]
     fn without_a_mask_every_pixel_counts() {
         let alpha = vec![1; PHOTO.element_product() as usize];
-        let [all, none] = [Some(alpha.as_slice()), None].map(|mask| importance(Sort::Tile, &[mask]));
+        let [all, none] =
+            [Some(alpha.as_slice()), None].map(|mask| importance(Sort::Tile, &[mask]));
         assert_eq!(all, none);
         assert!(all.max_weight.iter().all(|weight| *weight > 0.3));
     }

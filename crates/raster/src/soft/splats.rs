@@ -119,12 +119,16 @@ impl UnclippedTriangle {
     pub(super) fn new(camera: &KernelCamera, [v0, v1, v2]: &[Vec3; 3]) -> Self {
         let first = v3(camera.rotation * *v0 + camera.translation);
         let edges = [v3(camera.rotation * (*v1 - *v0)), v3(camera.rotation * (*v2 - *v0))];
-        Self { whole: CameraTriangle { first, edges }, corners: [first, first + edges[0], first + edges[1]] }
+        Self {
+            whole: CameraTriangle { first, edges },
+            corners: [first, first + edges[0], first + edges[1]],
+        }
     }
 
     #[inline]
     fn corner(&self, corner: PieceCorner, near: f32) -> V3<f32> {
-        let (from, to) = (self.corners[corner.from as usize], self.corners[corner.to as usize]);
+        let from = self.corners[corner.from as usize];
+        let to = self.corners[corner.to as usize];
         if corner.from == corner.to { from } else { splat::near_point(from, to, near) }
     }
 
@@ -205,7 +209,8 @@ pub(super) fn direction(camera: &KernelCamera, [v0, v1, v2]: &[Vec3; 3]) -> (V3<
     let size = offset.abs().max_element();
     // The squares of much smaller or larger numbers leave the range of f32.
     let usual = (1e-15..1e15).contains(&size);
-    let length = if usual || size == 0.0 { offset.length() } else { (offset / size).length() * size };
+    let length =
+        if usual || size == 0.0 { offset.length() } else { (offset / size).length() * size };
     let unit = if length > 0.0 { offset / length } else { Vec3::Z };
     (v3(unit), length)
 }
@@ -253,7 +258,10 @@ mod tests {
     fn sorts_as_a_stable_sort_does() {
         let rng = trisplat_scene::Rng::new(1, "sort", 0);
         let mut keys: Vec<DepthKey> = (0..5000)
-            .map(|i| DepthKey { depth: ((rng.uniform(i) * 300.0).floor() * 0.1).to_bits(), index: i as u32 })
+            .map(|i| DepthKey {
+                depth: ((rng.uniform(i) * 300.0).floor() * 0.1).to_bits(),
+                index: i as u32,
+            })
             .collect();
         let mut expected = keys.clone();
         expected.sort_by_key(|k| k.depth);

@@ -70,7 +70,8 @@ pub(super) fn inside(size: UVec2, corner: UVec2, block: usize) -> u16 {
 /// Column and row of a lane.
 #[inline(always)]
 pub(super) fn pixel(corner: UVec2, block: usize, lane: usize) -> (u32, u32) {
-    let (block, lane) = (block as u32, lane as u32);
+    let block = block as u32;
+    let lane = lane as u32;
     (corner.x + 4 * (block % 4) + lane % 4, corner.y + 4 * (block / 4) + lane / 4)
 }
 
@@ -106,7 +107,13 @@ pub(super) struct TileGeometry {
 impl Default for TilePixels {
     fn default() -> Self {
         let zero = TileChannel::default();
-        Self { transmittance: zero, rgb: [zero; 3], alive: 0, counted: [u16::MAX; BLOCKS], geometry: None }
+        Self {
+            transmittance: zero,
+            rgb: [zero; 3],
+            alive: 0,
+            counted: [u16::MAX; BLOCKS],
+            geometry: None,
+        }
     }
 }
 
@@ -136,14 +143,16 @@ impl OpenTiles {
     }
 
     fn sum(&mut self, open: impl Fn(usize) -> bool) {
-        let (across, down) = (self.count.x as usize, self.count.y as usize);
+        let across = self.count.x as usize;
+        let down = self.count.y as usize;
         self.sums.clear();
         self.sums.resize((across + 1) * (down + 1), 0);
         for y in 0..down {
             let mut row = 0;
             for x in 0..across {
                 row += u32::from(open(y * across + x));
-                self.sums[(y + 1) * (across + 1) + x + 1] = self.sums[y * (across + 1) + x + 1] + row;
+                self.sums[(y + 1) * (across + 1) + x + 1] =
+                    self.sums[y * (across + 1) + x + 1] + row;
             }
         }
     }
@@ -238,7 +247,8 @@ impl Tiles {
         self.size = size;
         self.count = tile_count(size);
         self.ranges.resize_with(some.len().div_ceil(SPLATS_PER_RANGE), BinnedRange::default);
-        let (count, size) = (self.count, size.as_vec2().to_array());
+        let count = self.count;
+        let size = size.as_vec2().to_array();
         // Where the splat is drawn, every edge is at least this far above the floor.
         let slack = if matches!(window, Window::Coverage { .. }) { 0.5 } else { 0.0 };
         parallel::for_each(&mut self.ranges, |r, range| {
@@ -246,7 +256,8 @@ impl Tiles {
             range.ends.clear();
             let from = some.start + r * SPLATS_PER_RANGE;
             let to = (from + SPLATS_PER_RANGE).min(some.end);
-            let (records, bounds) = (&splats.records[from..to], &splats.bounds[from..to]);
+            let records = &splats.records[from..to];
+            let bounds = &splats.bounds[from..to];
             dispatch(Emit { records, bounds, range, size, across: count.x, slack, open });
         });
         self.scatter(some.start as u32, some.len());
@@ -281,7 +292,8 @@ impl Tiles {
         self.pairs.reserve(splats + 1);
         self.pairs.push(0);
         let mut next = self.starts.clone();
-        let (mut splat, mut base) = (first, 0);
+        let mut splat = first;
+        let mut base = 0;
         for range in &self.ranges {
             let mut from = 0;
             for end in &range.ends {
@@ -357,7 +369,8 @@ impl Work for Emit<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(mut self) {
-        let (records, bounds) = (self.records, self.bounds);
+        let records = self.records;
+        let bounds = self.bounds;
         for (record, bounds) in records.iter().zip(bounds) {
             if self.open.is_none_or(|open| open.count(bounds) > 0) {
                 self.emit::<L>(record, bounds);
@@ -375,7 +388,8 @@ impl Emit<'_> {
         let floor = record.floor - self.slack;
         let (x0, x1) = tiles_between(bounds.lo[0], bounds.hi[0], self.size[0]);
         let (y0, y1) = tiles_between(bounds.lo[1], bounds.hi[1], self.size[1]);
-        let (block_x, block_y) = (L::load(&BLOCK_X), L::load(&BLOCK_Y));
+        let block_x = L::load(&BLOCK_X);
+        let block_y = L::load(&BLOCK_Y);
         let reaches = [
             reach(record.edge[0], -floor, block_x, block_y),
             reach(record.edge[1], -floor - record.shift, block_x, block_y),
@@ -383,7 +397,8 @@ impl Emit<'_> {
         ];
         for ty in y0..=y1 {
             for tx in x0..=x1 {
-                if self.open.is_some_and(|open| open.count_within([tx, ty], [tx + 1, ty + 1]) == 0) {
+                if self.open.is_some_and(|open| open.count_within([tx, ty], [tx + 1, ty + 1]) == 0)
+                {
                     continue;
                 }
                 let corner = [(tx * TILE) as f32, (ty * TILE) as f32];

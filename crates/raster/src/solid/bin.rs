@@ -127,9 +127,15 @@ impl FaceGroup {
     fn put(&mut self, lane: usize, a: Vec3, b: Vec3, c: Vec3) {
         let lane = lane % GROUP;
         let [first, second, third] = &mut self.world;
-        (first[0][lane], first[1][lane], first[2][lane]) = (a.x, a.y, a.z);
-        (second[0][lane], second[1][lane], second[2][lane]) = (b.x, b.y, b.z);
-        (third[0][lane], third[1][lane], third[2][lane]) = (c.x, c.y, c.z);
+        first[0][lane] = a.x;
+        first[1][lane] = a.y;
+        first[2][lane] = a.z;
+        second[0][lane] = b.x;
+        second[1][lane] = b.y;
+        second[2][lane] = b.z;
+        third[0][lane] = c.x;
+        third[1][lane] = c.y;
+        third[2][lane] = c.z;
     }
 
     #[inline(always)]
@@ -140,7 +146,8 @@ impl FaceGroup {
         let mut high = [[f32::NEG_INFINITY; GROUP]; 2];
         for corner in 0..3 {
             let world = &self.world[corner];
-            let (mut x, mut y) = ([0.0; GROUP], [0.0; GROUP]);
+            let mut x = [0.0; GROUP];
+            let mut y = [0.0; GROUP];
             for lane in 0..GROUP {
                 let seen = projector.to_camera([world[0][lane], world[1][lane], world[2][lane]]);
                 let at = projector.project(seen);
@@ -149,7 +156,8 @@ impl FaceGroup {
                 low[1][lane] = low[1][lane].min(at[1]);
                 high[0][lane] = high[0][lane].max(at[0]);
                 high[1][lane] = high[1][lane].max(at[1]);
-                (x[lane], y[lane]) = (at[0], at[1]);
+                x[lane] = at[0];
+                y[lane] = at[1];
                 self.w[corner][lane] = at[2];
             }
             snap_group::<L>(&x, &mut self.x[corner]);
@@ -189,17 +197,16 @@ impl BinFaces<'_> {
         if at.shows_back() && self.mesh.is_single_sided(face as usize) {
             return;
         }
-        let ((left, right), (top, bottom)) = (extent(at.x), extent(at.y));
+        let (left, right) = extent(at.x);
+        let (top, bottom) = extent(at.y);
         let size = self.projector.size.as_ivec2();
         let (x0, x1) = samples_between(at.x, 0, size.x - 1);
         let (y0, y1) = samples_between(at.y, 0, size.y - 1);
         if x0 > x1 || y0 > y1 {
             return;
         }
-        let (rows, columns) = (
-            y0 / TILE_HEIGHT as i32..=y1 / TILE_HEIGHT as i32,
-            x0 / TILE_WIDTH as i32..=x1 / TILE_WIDTH as i32,
-        );
+        let rows = y0 / TILE_HEIGHT as i32..=y1 / TILE_HEIGHT as i32;
+        let columns = x0 / TILE_WIDTH as i32..=x1 / TILE_WIDTH as i32;
         let nearest = at.nearest();
         if self.hidden.is_some_and(|hidden| hidden.hides_all(&rows, nearest)) {
             return;
@@ -251,7 +258,8 @@ impl TinyTriangle {
     /// For the tile at `column` and `row`.
     #[inline(always)]
     pub(super) fn new(at: &SnappedTriangle, face: u32, column: i32, row: i32) -> Self {
-        let (left, top) = (column * TILE_WIDTH as i32 * GRID, row * TILE_HEIGHT as i32 * GRID);
+        let left = column * TILE_WIDTH as i32 * GRID;
+        let top = row * TILE_HEIGHT as i32 * GRID;
         let x = [(at.x[0] - left) as i16, (at.x[1] - left) as i16, (at.x[2] - left) as i16];
         let y = [(at.y[0] - top) as i16, (at.y[1] - top) as i16, (at.y[2] - top) as i16];
         Self { x, y, w: at.w, face }
@@ -413,6 +421,8 @@ impl TileDepths {
     /// Whether whole rows of tiles hide it.
     #[inline(always)]
     pub(super) fn hides_all(&self, rows: &RangeInclusive<i32>, nearest: f32) -> bool {
-        self.rows[*rows.start() as usize..=*rows.end() as usize].iter().all(|least| nearest < *least)
+        self.rows[*rows.start() as usize..=*rows.end() as usize]
+            .iter()
+            .all(|least| nearest < *least)
     }
 }

@@ -5,8 +5,8 @@
 //! are dropped. So time grows with the visible layers.
 
 use super::bin::{
-    Batch, CENTER, LANE, LargeTriangle, STRIDE, SampleKeys, TILE_HEIGHT, TILE_WIDTH, TinyTriangle, extent,
-    farthest, key, least_inside, samples_between, tile_place, tile_size,
+    Batch, CENTER, LANE, LargeTriangle, STRIDE, SampleKeys, TILE_HEIGHT, TILE_WIDTH, TinyTriangle,
+    extent, farthest, key, least_inside, samples_between, tile_place, tile_size,
 };
 use super::projector::GRID;
 use crate::soft::grid;
@@ -77,16 +77,21 @@ fn draw_tiny<L: Lanes>(keys: &mut SampleKeys, tiny: &TinyTriangle) {
     let (first_y, last_y) = samples_between([y0, y1, y2], 0, TILE_HEIGHT as i32 - 1);
 
     // Edge i lies opposite corner i.
-    let edges = [(x1, y1, x2 - x1, y2 - y1), (x2, y2, x0 - x2, y0 - y2), (x0, y0, x1 - x0, y1 - y0)];
-    let (lane_x, lane_y) = (L::load(&LANE_X), L::load(&LANE_Y));
+    let edges =
+        [(x1, y1, x2 - x1, y2 - y1), (x2, y2, x0 - x2, y0 - y2), (x0, y0, x1 - x0, y1 - y0)];
+    let lane_x = L::load(&LANE_X);
+    let lane_y = L::load(&LANE_Y);
     let per = 1.0 / area as f32;
-    let (slope1, slope2) = (L::splat((w1 - w0) * per), L::splat((w2 - w0) * per));
-    let (least_w, most_w) = (w0.min(w1).min(w2), w0.max(w1).max(w2));
+    let slope1 = L::splat((w1 - w0) * per);
+    let slope2 = L::splat((w2 - w0) * per);
+    let least_w = w0.min(w1).min(w2);
+    let most_w = w0.max(w1).max(w2);
     let mut at_y = first_y;
     while at_y <= last_y {
         let mut at_x = first_x;
         while at_x <= last_x {
-            let (px, py) = (at_x * GRID + CENTER, at_y * GRID + CENTER);
+            let px = at_x * GRID + CENTER;
+            let py = at_y * GRID + CENTER;
             let value = |edge: usize| {
                 let (x, y, dx, dy) = edges[edge];
                 let here = L::splat((dx * (py - y) - dy * (px - x)) as f32);
@@ -96,7 +101,9 @@ fn draw_tiny<L: Lanes>(keys: &mut SampleKeys, tiny: &TinyTriangle) {
                 let (_, _, dx, dy) = edges[edge];
                 L::splat(least_inside(dx, dy) as f32).le(value)
             };
-            let (e0, e1, e2) = (value(0), value(1), value(2));
+            let e0 = value(0);
+            let e1 = value(1);
+            let e2 = value(2);
             let covered = inside(0, e0).and(inside(1, e1)).and(inside(2, e2));
             let mut bits = L::bits(covered);
             if bits != 0 {
@@ -134,8 +141,15 @@ struct TileLayers {
 impl TileLayers {
     /// Draws triangles of a batch; `corner` is the first sample of the tile.
     #[inline(always)]
-    fn draw<L: Lanes>(&mut self, keys: &mut SampleKeys, batch: &Batch, large: &[u32], corner: [i32; 2]) {
-        const TILE_AREA: i64 = (TILE_WIDTH as i64 * GRID as i64) * (TILE_HEIGHT as i64 * GRID as i64);
+    fn draw<L: Lanes>(
+        &mut self,
+        keys: &mut SampleKeys,
+        batch: &Batch,
+        large: &[u32],
+        corner: [i32; 2],
+    ) {
+        const TILE_AREA: i64 =
+            (TILE_WIDTH as i64 * GRID as i64) * (TILE_HEIGHT as i64 * GRID as i64);
         for (i, place) in large.iter().enumerate() {
             if self.area > DEEP * TILE_AREA && large.len() - i > NEAREST {
                 return self.draw_deep::<L>(keys, batch, &large[i..], corner);
@@ -148,9 +162,16 @@ impl TileLayers {
 
     /// Draws the nearest of some triangles, drops what is hidden then, and continues with twice as many.
     #[inline(always)]
-    fn draw_deep<L: Lanes>(&self, keys: &mut SampleKeys, batch: &Batch, large: &[u32], corner: [i32; 2]) {
+    fn draw_deep<L: Lanes>(
+        &self,
+        keys: &mut SampleKeys,
+        batch: &Batch,
+        large: &[u32],
+        corner: [i32; 2],
+    ) {
         let nearest = |place: u32| batch.large[place as usize].at.nearest();
-        let mut left: Vec<(f32, u32)> = large.iter().map(|place| (nearest(*place), *place)).collect();
+        let mut left: Vec<(f32, u32)> =
+            large.iter().map(|place| (nearest(*place), *place)).collect();
         let mut count = NEAREST;
         loop {
             let hidden_from = farthest(keys, self.size);
@@ -174,7 +195,8 @@ impl TileLayers {
 fn area_in_tile(large: &LargeTriangle, corner: [i32; 2]) -> i64 {
     let within = |values: [i32; 3], corner: i32, samples: usize| {
         let (low, high) = extent(values);
-        let (from, to) = (corner * GRID, (corner + samples as i32) * GRID);
+        let from = corner * GRID;
+        let to = (corner + samples as i32) * GRID;
         i64::from((high.min(to) - low.max(from)).max(0))
     };
     within(large.at.x, corner[0], TILE_WIDTH) * within(large.at.y, corner[1], TILE_HEIGHT)
@@ -198,7 +220,8 @@ struct Edge {
 impl Edge {
     #[inline(always)]
     fn new(from: [i32; 2], to: [i32; 2], sample: [i32; 2]) -> Self {
-        let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
+        let dx = to[0] - from[0];
+        let dy = to[1] - from[1];
         let off = |axis: usize| i64::from(sample[axis] * GRID + CENTER) - i64::from(from[axis]);
         let start = i64::from(dx) * off(1) - i64::from(dy) * off(0);
         Self {
@@ -213,7 +236,8 @@ impl Edge {
     /// to each end are tested. Plain loops over arrays: they become vector instructions.
     #[inline(always)]
     fn narrow(&self, row: i32, spans: &mut Spans) {
-        let (most, step) = (TILE_WIDTH as f64, self.right);
+        let most = TILE_WIDTH as f64;
+        let step = self.right;
         let mut short = [0.0; ROWS];
         for (r, short) in short.iter_mut().enumerate() {
             *short = self.least - (self.start + self.down * f64::from(row + r as i32));
@@ -268,7 +292,8 @@ fn draw_large<L: Lanes>(keys: &mut SampleKeys, large: &LargeTriangle, corner: [i
     let (first_y, last_y) = samples_between(large.at.y, top, top + TILE_HEIGHT as i32 - 1);
     let Some(triangle) = TileTriangle::new(large, [first_x, first_y]) else { return };
     let place = (first_y - corner[1]) as usize * STRIDE + (first_x - corner[0]) as usize;
-    let (width, rows) = (last_x - first_x, last_y - first_y + 1);
+    let width = last_x - first_x;
+    let rows = last_y - first_y + 1;
     let mut row = 0;
     while row < rows {
         let mut spans = Spans { first: [0.0; ROWS], last: [f64::from(width); ROWS] };
@@ -287,13 +312,15 @@ impl TileTriangle {
     fn new(large: &LargeTriangle, start: [i32; 2]) -> Option<Self> {
         let at = &large.at;
         let far = |p: i32, q: i32| i64::from(p) - i64::from(q);
-        let area =
-            far(at.x[1], at.x[0]) * far(at.y[2], at.y[0]) - far(at.x[2], at.x[0]) * far(at.y[1], at.y[0]);
+        let area = far(at.x[1], at.x[0]) * far(at.y[2], at.y[0])
+            - far(at.x[2], at.x[0]) * far(at.y[1], at.y[0]);
         if area == 0 {
             return None;
         }
         let [a, b, c] = if area < 0 { [0, 2, 1] } else { [0, 1, 2] };
-        let edge = |from: usize, to: usize| Edge::new([at.x[from], at.y[from]], [at.x[to], at.y[to]], start);
+        let edge = |from: usize, to: usize| {
+            Edge::new([at.x[from], at.y[from]], [at.x[to], at.y[to]], start)
+        };
         let per = 1.0 / area.abs() as f64;
         let first = f64::from(at.w[a]);
         Some(Self {
@@ -309,17 +336,27 @@ impl TileTriangle {
 
     /// Fills `count` rows from `row` on; the first sample has the key at index `place`.
     #[inline(always)]
-    fn fill<L: Lanes>(&self, keys: &mut SampleKeys, place: usize, row: i32, count: usize, spans: &Spans) {
+    fn fill<L: Lanes>(
+        &self,
+        keys: &mut SampleKeys,
+        place: usize,
+        row: i32,
+        count: usize,
+        spans: &Spans,
+    ) {
         let mut starts = [0.0f32; ROWS];
         for (r, (start, first)) in starts.iter_mut().zip(&spans.first).enumerate() {
             let value = |e: &Edge| e.start + e.down * f64::from(row + r as i32) + e.right * first;
-            let w = self.start + value(&self.edges[1]) * self.second + value(&self.edges[2]) * self.third;
+            let w = self.start
+                + value(&self.edges[1]) * self.second
+                + value(&self.edges[2]) * self.third;
             *start = w as f32;
         }
         let step = (self.edges[1].right * self.second + self.edges[2].right * self.third) as f32;
         let lane = L::load(&LANE);
         for (r, start) in starts.into_iter().enumerate().take(count) {
-            let (first, last) = (spans.first[r] as i32, spans.last[r] as i32);
+            let first = spans.first[r] as i32;
+            let last = spans.last[r] as i32;
             let length = last - first + 1;
             let from = place + r * STRIDE + first.max(0) as usize;
             let mut done = 0;

@@ -39,7 +39,8 @@ impl Projector {
         let position = -(rotation.inverse() * camera.translation.as_dvec3());
         let high = position.as_vec3();
         let scale = f64::from(samples);
-        let (focal, center) = (camera.focal.as_dvec2() * scale, camera.center.as_dvec2() * scale);
+        let focal = camera.focal.as_dvec2() * scale;
+        let center = camera.center.as_dvec2() * scale;
         Self {
             size: camera.size * samples,
             samples,
@@ -161,7 +162,11 @@ struct ClipPoint {
 }
 
 /// Passes the pieces of a triangle in front of the near plane and within the guard band to `emit`.
-pub(super) fn clip(projector: &Projector, corners: [Vec3; 3], mut emit: impl FnMut(SnappedTriangle)) {
+pub(super) fn clip(
+    projector: &Projector,
+    corners: [Vec3; 3],
+    mut emit: impl FnMut(SnappedTriangle),
+) {
     let mut polygon = Polygon::default();
     for corner in corners {
         let camera_space = projector.to_camera(corner.to_array());
@@ -179,10 +184,15 @@ pub(super) fn clip(projector: &Projector, corners: [Vec3; 3], mut emit: impl FnM
         let inside = |p: &ClipPoint| projector.inside_guard(p.camera_space, side);
         polygon = polygon.clip(inside, |p| inside(p) >= 0.0);
     }
-    let snapped: Vec<([i32; 2], f32)> = polygon.points().iter().map(|p| snap_point(projector, p)).collect();
+    let snapped: Vec<([i32; 2], f32)> =
+        polygon.points().iter().map(|p| snap_point(projector, p)).collect();
     for i in 2..snapped.len() {
         let fan = [snapped[0], snapped[i - 1], snapped[i]];
-        emit(SnappedTriangle { x: fan.map(|p| p.0[0]), y: fan.map(|p| p.0[1]), w: fan.map(|p| p.1) });
+        emit(SnappedTriangle {
+            x: fan.map(|p| p.0[0]),
+            y: fan.map(|p| p.0[1]),
+            w: fan.map(|p| p.1),
+        });
     }
 }
 
@@ -216,7 +226,11 @@ impl Polygon {
 
     /// The part for which `distance` is not negative (Sutherland and Hodgman 1974); `keep` decides the side
     /// of a point.
-    fn clip(&self, distance: impl Fn(&ClipPoint) -> f64, keep: impl Fn(&ClipPoint) -> bool) -> Self {
+    fn clip(
+        &self,
+        distance: impl Fn(&ClipPoint) -> f64,
+        keep: impl Fn(&ClipPoint) -> bool,
+    ) -> Self {
         let mut out = Self::default();
         for (i, from) in self.points().iter().enumerate() {
             let to = &self.points[(i + 1) % self.count];
@@ -234,8 +248,13 @@ impl Polygon {
 }
 
 /// The point of zero distance between `inside` and `outside`.
-fn between(inside: &ClipPoint, outside: &ClipPoint, distance: impl Fn(&ClipPoint) -> f64) -> ClipPoint {
-    let (d_in, d_out) = (distance(inside), distance(outside));
+fn between(
+    inside: &ClipPoint,
+    outside: &ClipPoint,
+    distance: impl Fn(&ClipPoint) -> f64,
+) -> ClipPoint {
+    let d_in = distance(inside);
+    let d_out = distance(outside);
     let t = (d_in / (d_in - d_out)).clamp(0.0, 1.0);
     ClipPoint {
         camera_space: inside.camera_space + (outside.camera_space - inside.camera_space) * t,

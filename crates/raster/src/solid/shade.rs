@@ -56,7 +56,8 @@ impl ShadeTile<'_, '_> {
     /// The colours of row `y` of the tile's samples.
     #[inline(always)]
     fn shade_row<L: Lanes>(&mut self, y: usize, row: &mut SampleRow) {
-        if self.keys[y * STRIDE..y * STRIDE + TILE_WIDTH].iter().fold(0, |any, key| any | key) == 0 {
+        if self.keys[y * STRIDE..y * STRIDE + TILE_WIDTH].iter().fold(0, |any, key| any | key) == 0
+        {
             *row = self.background.map(|channel| [channel; TILE_WIDTH]);
             return;
         }
@@ -107,14 +108,20 @@ impl ShadeTile<'_, '_> {
             let mut color = self.background;
             if face != NO_FACE {
                 if face != seen.0 {
-                    seen =
-                        (face, Some(FaceBarycentrics::new(self.projector, self.mesh.corners(face as usize))));
+                    seen = (
+                        face,
+                        Some(FaceBarycentrics::new(
+                            self.projector,
+                            self.mesh.corners(face as usize),
+                        )),
+                    );
                 }
                 let (Some(weights), uvs) = (&seen.1, &texture.uvs[face as usize]) else { continue };
                 let page = texture.texture(face as usize);
                 let size = page.size().as_vec2();
                 let at = |x: u32, y: u32| weights.mixed(self.projector.ray(x, y), uvs);
-                let (x, y) = (self.corner[0] + x as u32, self.corner[1] + y as u32);
+                let x = self.corner[0] + x as u32;
+                let y = self.corner[1] + y as u32;
                 let here = at(x, y);
                 let step = [at(x + 1, y), at(x, y + 1)].map(|next| (next - here) * size);
                 let texels = step[0].length_squared().max(step[1].length_squared());
@@ -129,7 +136,13 @@ impl ShadeTile<'_, '_> {
 
     /// Shades sixteen samples with the interpolated colours of their faces' corners.
     #[inline(always)]
-    fn shade_vertices<L: Lanes>(&self, x: usize, y: usize, colors: &[[f32; 3]], row: &mut SampleRow) {
+    fn shade_vertices<L: Lanes>(
+        &self,
+        x: usize,
+        y: usize,
+        colors: &[[f32; 3]],
+        row: &mut SampleRow,
+    ) {
         if y + 1 < TILE_HEIGHT {
             for face in self.faces::<LANES>(x, y + 1) {
                 self.prefetch_face(face, colors);
@@ -176,9 +189,13 @@ impl ShadeTile<'_, '_> {
             return;
         }
         let vertices = self.mesh.face(face as usize);
-        let (a, b, c) = (vertices[0] as usize, vertices[1] as usize, vertices[2] as usize);
+        let a = vertices[0] as usize;
+        let b = vertices[1] as usize;
+        let c = vertices[2] as usize;
         let [p, q, r] = [self.mesh.positions[a], self.mesh.positions[b], self.mesh.positions[c]];
-        let (edge1, edge2, to_first) = (q - p, r - p, self.projector.offset_from_camera(p));
+        let edge1 = q - p;
+        let edge2 = r - p;
+        let to_first = self.projector.offset_from_camera(p);
         for axis in 0..3 {
             faces_seen.edge1[axis][lane] = edge1[axis];
             faces_seen.edge2[axis][lane] = edge2[axis];
@@ -220,10 +237,13 @@ impl SampleFaces {
     #[inline(always)]
     fn weights<L: Lanes>(&self, ray: [L; 3]) -> [L; 3] {
         let load = |v: &[LaneValues; 3]| [L::load(&v[0]), L::load(&v[1]), L::load(&v[2])];
-        let (to_first, edge1, edge2) = (load(&self.to_first), load(&self.edge1), load(&self.edge2));
+        let to_first = load(&self.to_first);
+        let edge1 = load(&self.edge1);
+        let edge2 = load(&self.edge2);
         let p = cross(ray, edge2);
         let per = L::splat(1.0) / dot(edge1, p);
-        let (zero, one) = (L::splat(0.0), L::splat(1.0));
+        let zero = L::splat(0.0);
+        let one = L::splat(1.0);
         let second = -dot(to_first, p) * per;
         let third = -dot(ray, cross(to_first, edge1)) * per;
         let first = one - second - third;
@@ -264,13 +284,24 @@ mod tests {
     use trisplat_scene::math::lanes::{SimdLevel, dispatch_at};
 
     /// Keys and pixels of a picture of one tile, by the instructions of `level`.
-    fn drawn(level: SimdLevel, mesh: &Mesh, projector: &Projector) -> (Box<SampleKeys>, Vec<[u8; 3]>) {
+    fn drawn(
+        level: SimdLevel,
+        mesh: &Mesh,
+        projector: &Projector,
+    ) -> (Box<SampleKeys>, Vec<[u8; 3]>) {
         let mut batch = Batch::default();
         batch.empty(1);
         batch.left = 0..mesh.face_count();
         dispatch_at(
             level,
-            bin::BinFaces { mesh, projector, batch: &mut batch, across: 1, hidden: None, pairs: usize::MAX },
+            bin::BinFaces {
+                mesh,
+                projector,
+                batch: &mut batch,
+                across: 1,
+                hidden: None,
+                pairs: usize::MAX,
+            },
         );
         let mut keys = Box::new(EMPTY);
         let batches = [batch];

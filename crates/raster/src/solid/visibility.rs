@@ -99,7 +99,8 @@ impl Nearest {
     /// The nearest and the second nearest of four.
     #[inline(always)]
     pub fn two_of([a, b, c, d]: [Self; 4]) -> [Self; 2] {
-        let (near, far) = ([a.max(b), c.max(d)], [a.min(b), c.min(d)]);
+        let near = [a.max(b), c.max(d)];
+        let far = [a.min(b), c.min(d)];
         [near[0].max(near[1]), near[0].min(near[1]).max(far[0]).max(far[1])]
     }
 
@@ -151,9 +152,11 @@ mod tests {
     fn the_nearest_of_some_planes_is_what_their_faces_look_like() {
         let size = UVec2::new(150, 70);
         let center = size.as_vec2() / 2.0;
-        let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
+        let rotation = Mat3::IDENTITY;
+        let translation = Vec3::ZERO;
         let camera = Camera { rotation, translation, focal: Vec2::splat(60.0), center, size };
-        let (mesh, options) = (mesh(600), SolidRasterOptions::default());
+        let mesh = mesh(600);
+        let options = SolidRasterOptions::default();
         let plane_of: Vec<u8> = (0..600).map(|f| (f * f % 3) as u8).collect();
         let pixels = size.x as usize * size.y as usize;
         for some in [&[0, 1, 2][..], &[0, 2], &[1]] {
@@ -161,15 +164,20 @@ mod tests {
             SolidRasterizer::new().planes(&mesh, &camera, &options, (3, &plane_of), |tile| {
                 let mut drawn = drawn.lock().unwrap();
                 for (x, y) in (0..tile.size.y).flat_map(|y| (0..tile.size.x).map(move |x| (x, y))) {
-                    let nearest =
-                        some.iter().map(|p| tile.nearest(*p, x, y)).fold(Nearest::NONE, Nearest::max);
-                    drawn[((tile.corner.y + y) * size.x + tile.corner.x + x) as usize] = nearest.face();
+                    let nearest = some
+                        .iter()
+                        .map(|p| tile.nearest(*p, x, y))
+                        .fold(Nearest::NONE, Nearest::max);
+                    drawn[((tile.corner.y + y) * size.x + tile.corner.x + x) as usize] =
+                        nearest.face();
                 }
             });
-            let kept: Vec<u32> = (0..600).filter(|f| some.contains(&plane_of[*f as usize].into())).collect();
+            let kept: Vec<u32> =
+                (0..600).filter(|f| some.contains(&plane_of[*f as usize].into())).collect();
             let mut part = Mesh { positions: Vec::new(), ..Mesh::default() };
             part.positions.extend(kept.iter().flat_map(|f| mesh.corners(*f as usize)));
-            let mut alone = SolidRasterizer::new().visibility(&part, &camera, &options).face.clone();
+            let mut alone =
+                SolidRasterizer::new().visibility(&part, &camera, &options).face.clone();
             let seen = alone.iter_mut().filter(|face| **face != super::super::NO_FACE);
             assert!(seen.map(|face| *face = kept[*face as usize]).count() > pixels / 4);
             assert!(*drawn.lock().unwrap() == alone, "{some:?}");

@@ -155,7 +155,8 @@ fn holds_files(folder: &Path) -> bool {
 
 /// Moves whole files to their places, those that begin with `naming` last, and the old ones out of them.
 fn move_in(folder: &Path, aside: &Path, naming: &str) -> Result<()> {
-    let (whole, old) = (aside.join("whole"), aside.join("old"));
+    let whole = aside.join("whole");
+    let old = aside.join("old");
     let mut names = Vec::new();
     if whole.exists() {
         collect(&whole, Path::new(""), &mut names).map_err(|e| Error::io(folder, e))?;
@@ -169,7 +170,11 @@ fn move_in(folder: &Path, aside: &Path, naming: &str) -> Result<()> {
     for inside in names.iter().flat_map(|name| [folder.join(name), old.join(name)]) {
         made.push_front(MadeFolders::make(inside.parent().unwrap_or(folder))?);
     }
-    let to = |name: &PathBuf| Move { from: whole.join(name), target: folder.join(name), old: old.join(name) };
+    let to = |name: &PathBuf| Move {
+        from: whole.join(name),
+        target: folder.join(name),
+        old: old.join(name),
+    };
     let moves: Vec<Move> = names.iter().map(to).collect();
     // Locked while files get their names: a signal waits.
     let mut live = list();
@@ -273,8 +278,9 @@ mod tests {
                 ("list", "whole/", ""),
             ];
             for (name, from, to) in moves.iter().take((moved as usize).saturating_sub(1)) {
-                let place =
-                    |aside: &str| if aside.is_empty() { folder.join(name) } else { at(aside).join(name) };
+                let place = |aside: &str| {
+                    if aside.is_empty() { folder.join(name) } else { at(aside).join(name) }
+                };
                 std::fs::rename(place(from), place(to)).unwrap();
             }
             AtomicFolder::recover(folder).unwrap();

@@ -55,7 +55,9 @@ impl Manifest {
     pub fn read(root: &Path, name: &'static str) -> Result<Self> {
         let path = root.join(name);
         let mut text = String::new();
-        let files = match File::open(&path).and_then(|file| file.take(MAX_BYTES).read_to_string(&mut text)) {
+        let files = match File::open(&path)
+            .and_then(|file| file.take(MAX_BYTES).read_to_string(&mut text))
+        {
             Err(e) if e.kind() == io::ErrorKind::NotFound => Files::new(),
             Err(e) if e.kind() != io::ErrorKind::InvalidData => return Err(Error::io(&path, e)),
             _ => {
@@ -190,7 +192,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut list = Manifest::read(folder.path(), LIST).unwrap();
         list.begin(&["one", "two"]).unwrap();
-        ["one", "two"].iter().for_each(|name| std::fs::write(folder.path().join(name), name).unwrap());
+        ["one", "two"]
+            .iter()
+            .for_each(|name| std::fs::write(folder.path().join(name), name).unwrap());
         list.finish().unwrap();
         let list = Manifest::read(folder.path(), LIST).unwrap();
         (folder, list)
@@ -198,8 +202,9 @@ mod tests {
 
     fn names(folder: &Path) -> Vec<String> {
         let entries = std::fs::read_dir(folder).unwrap();
-        let mut names: Vec<String> =
-            entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
+        let mut names: Vec<String> = entries
+            .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+            .collect();
         names.sort();
         names
     }
@@ -213,7 +218,10 @@ mod tests {
         for (name, text, why) in [("mine", "my own", UNKNOWN), ("two", "edited", CHANGED)] {
             std::fs::write(at(name), text).unwrap();
             let error = list.begin(&[name]).unwrap_err().to_string();
-            assert!(error.contains(why) && error.contains(name) && error.contains("move it"), "{error}");
+            assert!(
+                error.contains(why) && error.contains(name) && error.contains("move it"),
+                "{error}"
+            );
             assert_eq!(std::fs::read_to_string(at(name)).unwrap(), text);
         }
         list.begin(&["three"]).unwrap();

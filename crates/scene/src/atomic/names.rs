@@ -26,7 +26,8 @@ pub fn safe_name(name: &str) -> String {
     let stem = stem.trim_end();
     let is_device = DEVICES.contains(&stem)
         || NUMBERED_DEVICES.iter().any(|device| {
-            stem.strip_prefix(device).is_some_and(|end| end.len() == 1 && end.as_bytes()[0].is_ascii_digit())
+            stem.strip_prefix(device)
+                .is_some_and(|end| end.len() == 1 && end.as_bytes()[0].is_ascii_digit())
         });
     match plain.strip_prefix(['-', '.', ' ']) {
         Some(rest) => format!("_{rest}"),
@@ -182,13 +183,18 @@ mod tests {
         let at = |name: &str| parent.path().join(name);
         std::fs::create_dir_all(at("set/images")).unwrap();
         assert!(lies_inside(&at("set/images"), &at("set")) && lies_inside(&at("set"), &at("set")));
-        assert!(!lies_inside(&at("set"), &at("set/images")) && !lies_inside(&at("settle"), &at("set")));
+        assert!(
+            !lies_inside(&at("set"), &at("set/images")) && !lies_inside(&at("settle"), &at("set"))
+        );
         assert!(lies_inside(&at("set/images/../new/a"), &at("set/new")), "what is missing");
         assert!(!lies_inside(&at("set/images/../../a"), &at("set")));
         #[cfg(unix)]
         {
             std::os::unix::fs::symlink(at("set/images"), at("link")).unwrap();
-            assert!(lies_inside(&at("link/a"), &at("set")) && lies_inside(&at("set/images/a"), &at("link")));
+            assert!(
+                lies_inside(&at("link/a"), &at("set"))
+                    && lies_inside(&at("set/images/a"), &at("link"))
+            );
             assert!(lies_inside(&at("link/../b"), &at("set")), "a link is followed before `..`");
         }
     }

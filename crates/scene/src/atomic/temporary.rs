@@ -40,9 +40,18 @@ impl Temporary {
                 Ok(file) if lock(&file) && is_at(&file, &path) => {
                     list.push(path.clone());
                     let (target, is_new) = (target.to_owned(), !target.exists());
-                    let (named, folders) = (Vec::new(), Vec::new());
+                    let named = Vec::new();
+                    let folders = Vec::new();
                     let file = BufWriter::with_capacity(BUFFER_BYTES, file);
-                    return Ok(Self { file, path, target, is_new, published: false, named, folders });
+                    return Ok(Self {
+                        file,
+                        path,
+                        target,
+                        is_new,
+                        published: false,
+                        named,
+                        folders,
+                    });
                 }
                 // Another process removed it before it was locked.
                 Ok(_) => {}
@@ -169,7 +178,8 @@ impl MadeFolders {
     ///
     /// Errors: what the operating system refuses.
     pub fn make(folder: &Path) -> Result<Self> {
-        let missing = folder.ancestors().take_while(|path| !path.as_os_str().is_empty() && !path.exists());
+        let missing =
+            folder.ancestors().take_while(|path| !path.as_os_str().is_empty() && !path.exists());
         let made = Self { folders: missing.map(Path::to_owned).collect() };
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         made.folders.iter().for_each(|path| register(path));
@@ -210,7 +220,8 @@ mod tests {
     #[test]
     fn a_folder_in_which_nothing_came_to_be_goes_again() {
         let parent = tempfile::tempdir().unwrap();
-        let (old, new) = (parent.path().join("old"), parent.path().join("new"));
+        let old = parent.path().join("old");
+        let new = parent.path().join("new");
         std::fs::create_dir(&old).unwrap();
         drop([MadeFolders::make(&old).unwrap(), MadeFolders::make(&new.join("a/b")).unwrap()]);
         assert!(old.exists() && !new.exists(), "what was there stays");

@@ -16,7 +16,11 @@ pub(super) fn decode(path: &Path, limits: &Limits) -> Result<image::DynamicImage
 }
 
 /// The same for bytes in memory; `path` is for messages.
-pub(super) fn decode_bytes(path: &Path, bytes: &[u8], limits: &Limits) -> Result<image::DynamicImage> {
+pub(super) fn decode_bytes(
+    path: &Path,
+    bytes: &[u8],
+    limits: &Limits,
+) -> Result<image::DynamicImage> {
     if bytes.starts_with(&JPEG_START) && !is_whole(bytes) {
         // The decoder would silently fill the rest with grey.
         return Err(Error::malformed(path, "picture", "the JPEG is cut short; copy it again"));
@@ -127,7 +131,8 @@ pub(super) fn header_size(
             let UVec2 { x, y } = png::size(file).map_err(|e| png::broken(path, e))?;
             return Ok((Some(image::ImageFormat::Png), (x, y)));
         }
-        let reader = image::ImageReader::new(file).with_guessed_format().map_err(|e| Error::io(path, e))?;
+        let reader =
+            image::ImageReader::new(file).with_guessed_format().map_err(|e| Error::io(path, e))?;
         let format = reader.format();
         reader.into_dimensions().map(|size| (format, size)).map_err(|e| broken(path, e))
     })?;
@@ -177,7 +182,8 @@ pub(super) fn has_alpha(path: &Path, mut file: impl BufRead + Seek) -> Result<bo
     if start.starts_with(&PNG_START) {
         return png::has_alpha(file).map_err(|e| png::broken(path, e));
     }
-    let reader = image::ImageReader::new(file).with_guessed_format().map_err(|e| Error::io(path, e))?;
+    let reader =
+        image::ImageReader::new(file).with_guessed_format().map_err(|e| Error::io(path, e))?;
     let decoder = reader.into_decoder().map_err(|e| broken(path, e))?;
     Ok(decoder.color_type().has_alpha())
 }
@@ -200,12 +206,15 @@ const PNG_END: &[u8; 12] = b"\0\0\0\0IEND\xaeB\x60\x82";
 /// False when a file's last bytes, or for WebP its stated length, look truncated.
 pub(super) fn ends_well(file: &mut std::fs::File) -> std::io::Result<bool> {
     let len = file.metadata()?.len();
-    let (mut head, mut tail) = (Vec::new(), Vec::new());
+    let mut head = Vec::new();
+    let mut tail = Vec::new();
     (&mut *file).take(8).read_to_end(&mut head)?;
     file.seek(SeekFrom::Start(len.saturating_sub(PNG_END.len() as u64)))?;
     file.read_to_end(&mut tail)?;
     let riff = match head[..] {
-        [b'R', b'I', b'F', b'F', a, b, c, d] => u64::from(u32::from_le_bytes([a, b, c, d])) + 8 == len,
+        [b'R', b'I', b'F', b'F', a, b, c, d] => {
+            u64::from(u32::from_le_bytes([a, b, c, d])) + 8 == len
+        }
         _ => false,
     };
     Ok(riff || tail.ends_with(&JPEG_END) || tail.ends_with(PNG_END))
@@ -221,7 +230,8 @@ fn broken(path: &Path, error: image::ImageError) -> Error {
         image::ImageError::IoError(e) => Error::io(path, e),
         image::ImageError::Unsupported(e) => Error::unsupported(
             path,
-            no_picture(path).unwrap_or_else(|| format!("{e}; convert it to PNG, JPEG, WebP or TIFF")),
+            no_picture(path)
+                .unwrap_or_else(|| format!("{e}; convert it to PNG, JPEG, WebP or TIFF")),
         ),
         other => Error::malformed(path, "picture", other.to_string()),
     }
@@ -247,7 +257,11 @@ pub(super) const JPEG_START: [u8; 2] = [0xff, 0xd8];
 pub(super) const JPEG_END: [u8; 2] = [0xff, 0xd9];
 
 /// A JPEG of colours or greys, reduced to `wanted`; `None` of another kind, or one that the whole decoder is to judge.
-pub(super) fn reduced(path: &Path, bytes: &[u8], wanted: UVec2) -> Result<Option<image::DynamicImage>> {
+pub(super) fn reduced(
+    path: &Path,
+    bytes: &[u8],
+    wanted: UVec2,
+) -> Result<Option<image::DynamicImage>> {
     if !is_whole(bytes) {
         return Ok(None);
     }
@@ -287,7 +301,9 @@ pub(super) fn is_whole(bytes: &[u8]) -> bool {
         match bytes.get(at..at + 4) {
             _ if bytes.get(at..at + 2) == Some(&JPEG_END) => return true,
             Some(&[_, 0x01 | 0xd8, ..]) => at += 2,
-            Some(&[_, _, high, low]) => at += 2 + usize::from(u16::from_be_bytes([high, low])).max(2),
+            Some(&[_, _, high, low]) => {
+                at += 2 + usize::from(u16::from_be_bytes([high, low])).max(2)
+            }
             _ => return false,
         }
     }
@@ -313,9 +329,12 @@ mod tests {
         let source = ramp(UVec2::new(32, 24));
         let rgb = source.rgb.as_flattened();
         let rgb8 = image::ExtendedColorType::Rgb8;
-        let (mut jpeg, mut webp) = (Vec::new(), Vec::new());
+        let mut jpeg = Vec::new();
+        let mut webp = Vec::new();
         image::codecs::jpeg::JpegEncoder::new(&mut jpeg).encode(rgb, 32, 24, rgb8).unwrap();
-        image::codecs::webp::WebPEncoder::new_lossless(&mut webp).encode(rgb, 32, 24, rgb8).unwrap();
+        image::codecs::webp::WebPEncoder::new_lossless(&mut webp)
+            .encode(rgb, 32, 24, rgb8)
+            .unwrap();
         [("png", source.to_png().unwrap()), ("jpeg", jpeg), ("webp", webp)]
     }
 
@@ -325,7 +344,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("picture.any");
         let source = ramp(UVec2::new(32, 24));
-        let deep: Vec<u16> = source.rgb.as_flattened().iter().map(|&c| u16::from(c) * 257).collect();
+        let deep: Vec<u16> =
+            source.rgb.as_flattened().iter().map(|&c| u16::from(c) * 257).collect();
         let deep: DynamicImage = ImageBuffer::<Rgb<u16>, _>::from_raw(32, 24, deep).unwrap().into();
         for (picture, format) in [
             (&deep, ImageFormat::Png),
@@ -336,7 +356,11 @@ mod tests {
             picture.write_to(&mut bytes, format).unwrap();
             let bytes = bytes.into_inner();
             std::fs::write(&path, &bytes).unwrap();
-            assert_eq!(RgbImage::size_of(&path, &Limits::DEFAULT).unwrap(), source.size, "{format:?}");
+            assert_eq!(
+                RgbImage::size_of(&path, &Limits::DEFAULT).unwrap(),
+                source.size,
+                "{format:?}"
+            );
             assert_eq!(RgbImage::load(&path).unwrap(), source, "{format:?}");
             std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
             assert!(RgbImage::size_of(&path, &Limits::DEFAULT).is_err(), "{format:?} cut short");
@@ -345,11 +369,16 @@ mod tests {
         let cmyk = "/9j/7gAOQWRvYmUAZAAAAAAA/9sAQwADAgIDAgIDAwMDBAMDBAUIBQUEBAUKBwcGCAwKDAwLCgsLDQ4SEA0OEQ4LCxAWEBETFBUVFQwP\
                     FxgWFBgSFBUU/8AAFAgACAAQBEMRAE0RAFkRAEsRAP/EABcAAAMBAAAAAAAAAAAAAAAAAAAICQf/xAAUEAEAAAAAAAAAAAAAAAAAAAAA/9oA\
                     DgRDAE0AWQBLAAA/AHAIoUpVNDpUBqAf/9k=";
-        let bytes = base64::Engine::decode(&base64::engine::general_purpose::STANDARD, cmyk).unwrap();
+        let bytes =
+            base64::Engine::decode(&base64::engine::general_purpose::STANDARD, cmyk).unwrap();
         std::fs::write(&path, bytes).unwrap();
         let printed = RgbImage::load(&path).unwrap();
         for (at, wanted) in [(4 * 16 + 3, [200u8, 40, 60]), (4 * 16 + 12, [30, 160, 90])] {
-            assert!((0..3).all(|c| printed.rgb[at][c].abs_diff(wanted[c]) <= 3), "{:?}", printed.rgb[at]);
+            assert!(
+                (0..3).all(|c| printed.rgb[at][c].abs_diff(wanted[c]) <= 3),
+                "{:?}",
+                printed.rgb[at]
+            );
         }
     }
 
@@ -360,7 +389,11 @@ mod tests {
         for (format, whole) in encoded() {
             std::fs::write(&path, &whole).unwrap();
             assert_eq!(RgbImage::load(&path).unwrap().size, UVec2::new(32, 24), "{format}");
-            assert_eq!(RgbImage::size_of(&path, &Limits::DEFAULT).unwrap(), UVec2::new(32, 24), "{format}");
+            assert_eq!(
+                RgbImage::size_of(&path, &Limits::DEFAULT).unwrap(),
+                UVec2::new(32, 24),
+                "{format}"
+            );
             // The last chunk of a PNG holds nothing: without it no pixel is lost.
             let needed = whole.len() - if format == "png" { PNG_END.len() } else { 0 };
             for len in (0..needed).step_by(37).chain([needed - 1]) {
@@ -395,8 +428,9 @@ mod tests {
 
     fn crc32(bytes: &[u8]) -> u32 {
         !bytes.iter().fold(!0u32, |crc, byte| {
-            (0..8)
-                .fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg()))
+            (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
+                (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg())
+            })
         })
     }
 
@@ -423,7 +457,10 @@ mod tests {
         }
         // Within the limit, but not within the file.
         for message in errors(&claiming(16_000, 16_000, &[]), &Limits::DEFAULT) {
-            assert!(message.contains("claims 16000x16000 px, which 57 bytes cannot hold"), "{message}");
+            assert!(
+                message.contains("claims 16000x16000 px, which 57 bytes cannot hold"),
+                "{message}"
+            );
         }
         let small = Limits { picture_side: 31, ..Limits::DEFAULT };
         for (format, bytes) in encoded() {
@@ -465,15 +502,18 @@ mod jpeg_tests {
         let path = folder.path().join("a.jpg");
         let size = UVec2::new(160, 96);
         let code = |x: u32, y: u32| {
-            let (x, y) = (f64::from(x), f64::from(y));
-            [128.0 + 90.0 * (x / 19.0).sin(), 128.0 + 80.0 * (y / 13.0).cos(), 2.0 * y].map(|c| c as u8)
+            let x = f64::from(x);
+            let y = f64::from(y);
+            [128.0 + 90.0 * (x / 19.0).sin(), 128.0 + 80.0 * (y / 13.0).cos(), 2.0 * y]
+                .map(|c| c as u8)
         };
         let rgb = (0..size.x * size.y).map(|i| code(i % size.x, i / size.x)).collect();
         let limits = &Limits::DEFAULT;
         std::fs::write(&path, RgbImage { size, rgb, alpha: None }.to_jpeg(95).unwrap()).unwrap();
         let whole = RgbImage::load(&path).unwrap();
         for (least, part) in [(20, 8), (21, 4), (40, 4), (41, 2), (80, 2), (81, 1), (400, 1)] {
-            let (small, full) = RgbImage::load_reduced(&path, UVec2::new(least, 1), limits).unwrap();
+            let (small, full) =
+                RgbImage::load_reduced(&path, UVec2::new(least, 1), limits).unwrap();
             assert_eq!((small.size, full), (size / part, size), "{least}");
             let mean = whole.downscaled(small.size);
             for (a, b) in small.rgb.iter().zip(&mean.rgb) {
@@ -484,7 +524,10 @@ mod jpeg_tests {
         let odd = RgbImage { size: UVec2::new(161, 96), rgb: vec![[7; 3]; 161 * 96], alpha: None };
         let bytes = odd.to_jpeg(90).unwrap();
         std::fs::write(&path, &bytes).unwrap();
-        assert_eq!(RgbImage::load_reduced(&path, UVec2::splat(10), limits).unwrap().0.size, odd.size);
+        assert_eq!(
+            RgbImage::load_reduced(&path, UVec2::splat(10), limits).unwrap().0.size,
+            odd.size
+        );
         std::fs::write(&path, &bytes[..bytes.len() - 20]).unwrap();
         assert!(RgbImage::load_reduced(&path, UVec2::splat(10), limits).is_err());
     }

@@ -27,7 +27,11 @@ pub(super) fn has_alpha(file: impl BufRead + Seek) -> Decoded<bool> {
 }
 
 /// The picture in 8 bits per channel. Its size has been checked.
-pub(super) fn decode(path: &Path, file: impl BufRead + Seek, limits: &Limits) -> Result<DynamicImage> {
+pub(super) fn decode(
+    path: &Path,
+    file: impl BufRead + Seek,
+    limits: &Limits,
+) -> Result<DynamicImage> {
     let bad = |e| broken(path, e);
     guarded(path, || {
         let mut reader = opened(file).map_err(bad)?;
@@ -35,7 +39,8 @@ pub(super) fn decode(path: &Path, file: impl BufRead + Seek, limits: &Limits) ->
         let (color, _) = reader.output_color_type();
         let channels = color.samples();
         let stride = size.x as usize * channels;
-        let mut pixels: Vec<u8> = limits.zeroed(path.display(), stride.saturating_mul(size.y as usize))?;
+        let mut pixels: Vec<u8> =
+            limits.zeroed(path.display(), stride.saturating_mul(size.y as usize))?;
         let mut rest = &mut pixels[..];
         if reader.info().interlaced {
             each_row(&mut reader, &mut |row, place| {
@@ -45,7 +50,8 @@ pub(super) fn decode(path: &Path, file: impl BufRead + Seek, limits: &Limits) ->
             })
         } else {
             each_row(&mut reader, &mut |row, _| {
-                if let Some((to, below)) = std::mem::take(&mut rest).split_at_mut_checked(row.len()) {
+                if let Some((to, below)) = std::mem::take(&mut rest).split_at_mut_checked(row.len())
+                {
                     to.copy_from_slice(row);
                     rest = below;
                 }
@@ -112,7 +118,8 @@ fn each_row(
     while let Some(row) = reader.next_interlaced_row()? {
         if is_deep {
             codes.clear();
-            let deep = row.data().chunks_exact(2).map(|b| u32::from(u16::from_be_bytes([b[0], b[1]])));
+            let deep =
+                row.data().chunks_exact(2).map(|b| u32::from(u16::from_be_bytes([b[0], b[1]])));
             codes.extend(deep.map(|code| ((code + 128) / 257) as u8));
             take(&codes, row.interlace());
         } else {
@@ -138,7 +145,9 @@ pub(super) fn broken(path: &Path, error: DecodingError) -> Error {
     use std::io::ErrorKind::{InvalidData, UnexpectedEof};
     match error {
         // About the content of the file, not of the system.
-        DecodingError::IoError(e) if !matches!(e.kind(), InvalidData | UnexpectedEof) => Error::io(path, e),
+        DecodingError::IoError(e) if !matches!(e.kind(), InvalidData | UnexpectedEof) => {
+            Error::io(path, e)
+        }
         e => Error::malformed(path, "picture", format!("is damaged ({e}); copy it again")),
     }
 }
@@ -154,7 +163,9 @@ pub(super) fn check(path: &Path, file: &mut (impl Read + Seek)) -> Result<()> {
     match bad_palette(file).map_err(|e| Error::io(path, e))? {
         None => Ok(()),
         Some((at, bytes)) => {
-            let reason = format!("{bytes} bytes are no palette of 1 to {MOST_COLORS} colours; copy it again");
+            let reason = format!(
+                "{bytes} bytes are no palette of 1 to {MOST_COLORS} colours; copy it again"
+            );
             Err(Error::malformed(path, format!("PLTE chunk at byte {at}"), reason))
         }
     }
@@ -202,8 +213,9 @@ mod tests {
 
     /// A picture of many colours, some of them between two codes of 8 bits.
     fn deep(size: UVec2) -> DynamicImage {
-        let pixel =
-            |x: u32, y: u32| Rgba([x * 997, y * 1013, (x + y) * 691, 65_535 - x * y].map(|c| c as u16));
+        let pixel = |x: u32, y: u32| {
+            Rgba([x * 997, y * 1013, (x + y) * 691, 65_535 - x * y].map(|c| c as u16))
+        };
         ImageBuffer::from_fn(size.x, size.y, pixel).into()
     }
 
@@ -255,7 +267,8 @@ mod tests {
                     xkHgYjFz1IloyH5aEAGTtHyTJONi6SumQyruuGhYyrqx9iID6u2NBqrlonF7m63XrgCkwyXLW7GbnqHC/7ciUZG4ogGZFKdvdltWS0k2S9a6If\
                     jFJBxouMkpWrnQVy5eLtVgSaLpmLvWurSZ+LLj4+e6D2VBTPdxlJ3uUiJL/dJa33UyoYL0jFbOViMvOdh2SWh1TW/PzNmMy6/gMCCbAyVgZpIQ\
                     AAAABJRU5ErkJggg==";
-        let bytes = base64::Engine::decode(&base64::engine::general_purpose::STANDARD, text).unwrap();
+        let bytes =
+            base64::Engine::decode(&base64::engine::general_purpose::STANDARD, text).unwrap();
         let whole = image::load_from_memory(&bytes).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
@@ -263,7 +276,8 @@ mod tests {
         assert_eq!(whole.dimensions(), (9, 9));
         let read = RgbImage::load(&path).unwrap();
         assert_eq!(read.rgb.as_flattened(), whole.to_rgb8().as_raw().as_slice());
-        let (same, full) = RgbImage::load_reduced(&path, UVec2::new(3, 3), &Limits::DEFAULT).unwrap();
+        let (same, full) =
+            RgbImage::load_reduced(&path, UVec2::new(3, 3), &Limits::DEFAULT).unwrap();
         assert_eq!((same, full), (read, UVec2::new(9, 9)), "its rows do not come in order");
     }
 }

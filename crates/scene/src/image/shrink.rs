@@ -3,7 +3,11 @@
 use glam::UVec2;
 
 /// Box filter with fractional cover, separable; `C` channels of 8 bits.
-pub(super) fn area_average<const C: usize>(source: &[[u8; C]], from: UVec2, to: UVec2) -> Vec<[u8; C]> {
+pub(super) fn area_average<const C: usize>(
+    source: &[[u8; C]],
+    from: UVec2,
+    to: UVec2,
+) -> Vec<[u8; C]> {
     let mut average = AreaAverage::new(from, to);
     source.chunks_exact(from.x as usize).for_each(|row| average.push(row));
     average.finish()
@@ -37,7 +41,9 @@ impl<const C: usize> AreaAverage<C> {
     /// Takes the next row.
     pub(super) fn push(&mut self, row: &[[u8; C]]) {
         // It may be the last of one new row and the first of the next ones.
-        while let Some((top, weights)) = self.rows.get(self.made).filter(|(top, _)| *top <= self.come) {
+        while let Some((top, weights)) =
+            self.rows.get(self.made).filter(|(top, _)| *top <= self.come)
+        {
             let weight = weights[self.come - top];
             for (sum, pixel) in self.line.iter_mut().zip(row) {
                 for c in 0..C {
@@ -78,10 +84,12 @@ impl<const C: usize> AreaAverage<C> {
 fn cover(from: u32, to: u32) -> Vec<(usize, Vec<f32>)> {
     let step = f64::from(from) / f64::from(to);
     let span = |i: u32| {
-        let (low, high) = (f64::from(i) * step, (f64::from(i + 1) * step).min(f64::from(from)));
+        let low = f64::from(i) * step;
+        let high = (f64::from(i + 1) * step).min(f64::from(from));
         let first = low as usize;
         let last = (high.ceil() as usize).clamp(first + 1, from as usize);
-        let share = |k: usize| (high.min(k as f64 + 1.0) - low.max(k as f64)).max(0.0) / (high - low);
+        let share =
+            |k: usize| (high.min(k as f64 + 1.0) - low.max(k as f64)).max(0.0) / (high - low);
         (first, (first..last).map(|k| share(k) as f32).collect())
     };
     (0..to).map(span).collect()
@@ -100,7 +108,9 @@ mod tests {
         for y in 0..3 {
             for x in 0..4 {
                 for c in 0..3 {
-                    let at = |dx: usize, dy: usize| u32::from(source.rgb[(2 * y + dy) * 8 + 2 * x + dx][c]);
+                    let at = |dx: usize, dy: usize| {
+                        u32::from(source.rgb[(2 * y + dy) * 8 + 2 * x + dx][c])
+                    };
                     let sum = at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1);
                     assert_eq!(u32::from(half.rgb[y * 4 + x][c]), (sum + 2) / 4);
                 }
@@ -129,7 +139,8 @@ mod tests {
     fn fractional_cover_keeps_the_mean() {
         let source = ramp(UVec2::new(101, 67));
         let small = source.downscaled(UVec2::new(31, 29));
-        let mean = |p: &RgbImage| p.rgb.iter().map(|c| f64::from(c[1])).sum::<f64>() / p.rgb.len() as f64;
+        let mean =
+            |p: &RgbImage| p.rgb.iter().map(|c| f64::from(c[1])).sum::<f64>() / p.rgb.len() as f64;
         assert!((mean(&source) - mean(&small)).abs() < 0.1);
     }
 }

@@ -125,7 +125,8 @@ const SERIES: [f64; 5] = {
 #[inline(always)]
 pub(super) fn power_2_4(x: f32) -> f32 {
     debug_assert!((SMALLEST..=1.0).contains(&x), "{x}");
-    let Step { inverse, power } = STEPS[((x.to_bits() - SMALLEST.to_bits()) >> STEP_SHIFT) as usize];
+    let Step { inverse, power } =
+        STEPS[((x.to_bits() - SMALLEST.to_bits()) >> STEP_SHIFT) as usize];
     let r = f64::from(x) * inverse - 1.0;
     let [c1, c2, c3, c4, c5] = SERIES;
     let series = c1 + r * (c2 + r * (c3 + r * (c4 + r * c5)));
@@ -149,8 +150,12 @@ struct Step {
 }
 
 static STEPS: LazyLock<Box<[Step; COUNT]>> = LazyLock::new(|| {
-    let start = |i: usize| f64::from(f32::from_bits(SMALLEST.to_bits() + ((i as u32) << STEP_SHIFT)));
-    Box::new(std::array::from_fn(|i| Step { inverse: 1.0 / start(i), power: start(i).powf(EXPONENT) }))
+    let start =
+        |i: usize| f64::from(f32::from_bits(SMALLEST.to_bits() + ((i as u32) << STEP_SHIFT)));
+    Box::new(std::array::from_fn(|i| Step {
+        inverse: 1.0 / start(i),
+        power: start(i).powf(EXPONENT),
+    }))
 });
 
 // ---- The affine colour map between two pictures with the least error ---------------------------------
@@ -176,9 +181,11 @@ impl ColorMap {
         let mut all = 0.0;
         for (i, (from, to)) in from.iter().zip(to).enumerate() {
             let weight = weights.map_or(1.0, |weights| f64::from(weights[i]) / 255.0);
-            let (x, y) = (encoded(*from).extend(1.0), encoded(*to));
+            let x = encoded(*from).extend(1.0);
+            let y = encoded(*to);
             let weighted = weight * x;
-            matrix += DMat4::from_cols(x.x * weighted, x.y * weighted, x.z * weighted, x.w * weighted);
+            matrix +=
+                DMat4::from_cols(x.x * weighted, x.y * weighted, x.z * weighted, x.w * weighted);
             (0..3).for_each(|c| right[c] += y[c] * weighted);
             all += weight;
         }
@@ -197,7 +204,8 @@ impl ColorMap {
 
     /// The colours of a picture after the map, rounded to 8 bits.
     pub fn of(&self, rgb: &[[u8; 3]]) -> Vec<[u8; 3]> {
-        let mapped = |rgb: &[u8; 3]| self.color(*rgb).map(|c| (255.0 * c).round().clamp(0.0, 255.0) as u8);
+        let mapped =
+            |rgb: &[u8; 3]| self.color(*rgb).map(|c| (255.0 * c).round().clamp(0.0, 255.0) as u8);
         rgb.iter().map(mapped).collect()
     }
 }
@@ -214,13 +222,15 @@ mod tests {
     fn curves_and_slopes_agree() {
         for i in 0..=1000 {
             let x = f64::from(i) / 1000.0;
-            let ((linear, slope), (back, inverse)) = (decode(x), encode(decode(x).0));
+            let (linear, slope) = decode(x);
+            let (back, inverse) = encode(decode(x).0);
             assert!((linear - f64::from(linear_from_srgb(x as f32))).abs() < 1e-6, "{x}");
             // The two pieces of the standard's curve agree only to seven digits where they meet.
             assert!((back - x).abs() < 1e-7 && (slope * inverse - 1.0).abs() < 1e-6, "{x}");
             let h = 1e-6;
             if (x - 0.040_45).abs() > 1e-3 {
-                let difference = (decode(x + h).0 - decode((x - h).max(0.0)).0) / (x + h - (x - h).max(0.0));
+                let difference =
+                    (decode(x + h).0 - decode((x - h).max(0.0)).0) / (x + h - (x - h).max(0.0));
                 assert!((difference / slope - 1.0).abs() < 1e-4, "{x}");
             }
         }
@@ -253,7 +263,8 @@ mod srgb8_tests {
     fn rounds_like_the_formula_in_f64_all_the_way() {
         let formula = |x: f32| {
             let x = f64::from(x);
-            let encoded = if x <= 0.003_130_8 { x * 12.92 } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+            let encoded =
+                if x <= 0.003_130_8 { x * 12.92 } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
             (encoded * 255.0).round() as u8
         };
         for bits in (0..=1.0f32.to_bits()).step_by(997) {
@@ -271,12 +282,15 @@ mod srgb8_tests {
     #[test]
     fn no_bucket_holds_two_steps() {
         let bucket = |x: f32| x.to_bits() >> BUCKET_SHIFT;
-        assert!(TABLE.next.windows(2).all(|w| w[1] == f32::INFINITY || bucket(w[0]) < bucket(w[1])));
+        assert!(
+            TABLE.next.windows(2).all(|w| w[1] == f32::INFINITY || bucket(w[0]) < bucket(w[1]))
+        );
     }
 
     #[test]
     fn clamps_what_is_outside() {
-        let outside = [f32::NAN, -1.0, f32::NEG_INFINITY, -0.0, 1.5, f32::INFINITY].map(srgb8_from_linear);
+        let outside =
+            [f32::NAN, -1.0, f32::NEG_INFINITY, -0.0, 1.5, f32::INFINITY].map(srgb8_from_linear);
         assert_eq!(outside, [0, 0, 0, 0, 255, 255]);
     }
 }
@@ -293,7 +307,8 @@ mod power_tests {
 
     #[test]
     fn every_power_is_the_nearest_float() {
-        let wrong: Vec<f32> = all().filter(|&x| power_2_4(x) != f64::from(x).powf(EXPONENT) as f32).collect();
+        let wrong: Vec<f32> =
+            all().filter(|&x| power_2_4(x) != f64::from(x).powf(EXPONENT) as f32).collect();
         assert!(wrong.is_empty(), "{wrong:?}");
     }
 
@@ -302,8 +317,9 @@ mod power_tests {
     #[test]
     fn colours_are_written_with_the_codes_that_powf_gives() {
         let code = |linear: f32, most: f64| (f64::from(linear) * most + 0.5) as u32;
-        let differ =
-            |most: f64| all().filter(|x| code(power_2_4(*x), most) != code(x.powf(2.4), most)).count();
+        let differ = |most: f64| {
+            all().filter(|x| code(power_2_4(*x), most) != code(x.powf(2.4), most)).count()
+        };
         assert_eq!(differ(255.0), 0);
         // `powf` is not always the nearest value: fewer than one 16-bit code in a million differs, and ours
         // is right.
@@ -318,7 +334,9 @@ mod color_fit_tests {
 
     /// Colours of all kinds, none near black or white.
     fn colors() -> Vec<[u8; 3]> {
-        (0..4096u32).map(|i| [60 + i % 97, 60 + i / 7 % 89, 60 + i / 31 % 101].map(|c| c as u8)).collect()
+        (0..4096u32)
+            .map(|i| [60 + i % 97, 60 + i / 7 % 89, 60 + i / 31 % 101].map(|c| c as u8))
+            .collect()
     }
 
     #[test]
@@ -326,11 +344,13 @@ mod color_fit_tests {
         let from = colors();
         let mix = |[r, g, b]: [u8; 3]| {
             let [r, g, b] = [r, g, b].map(f64::from);
-            [1.2 * r - 0.05 * g + 4.0, 0.8 * g + 0.1 * b, 0.02 * r + 1.1 * b - 9.0].map(|c| c.round() as u8)
+            [1.2 * r - 0.05 * g + 4.0, 0.8 * g + 0.1 * b, 0.02 * r + 1.1 * b - 9.0]
+                .map(|c| c.round() as u8)
         };
         let to: Vec<[u8; 3]> = from.iter().map(|c| mix(*c)).collect();
         let map = ColorMap::fit(&from, &to, None);
-        let want = [[1.2, -0.05, 0.0, 4.0 / 255.0], [0.0, 0.8, 0.1, 0.0], [0.02, 0.0, 1.1, -9.0 / 255.0]];
+        let want =
+            [[1.2, -0.05, 0.0, 4.0 / 255.0], [0.0, 0.8, 0.1, 0.0], [0.02, 0.0, 1.1, -9.0 / 255.0]];
         for (row, want) in map.rows.iter().zip(want) {
             assert!((*row - DVec4::from_array(want)).abs().max_element() < 2e-3, "{row} {want:?}");
         }
@@ -345,9 +365,12 @@ mod color_fit_tests {
         let mut to: Vec<[u8; 3]> = from.iter().map(|c| c.map(|c| c / 2)).collect();
         let mut weights = vec![255; from.len()];
         for i in (0..from.len()).step_by(3) {
-            (to[i], weights[i]) = ([255, 0, 255], 0);
+            to[i] = [255, 0, 255];
+            weights[i] = 0;
         }
-        assert!(psnr(&ColorMap::fit(&from, &to, Some(&weights)).of(&from), &to, Some(&weights)) > 50.0);
+        assert!(
+            psnr(&ColorMap::fit(&from, &to, Some(&weights)).of(&from), &to, Some(&weights)) > 50.0
+        );
         assert!(psnr(&ColorMap::fit(&from, &to, None).of(&from), &to, Some(&weights)) < 30.0);
     }
 
@@ -355,7 +378,8 @@ mod color_fit_tests {
     fn one_colour_or_none_is_no_fault() {
         let map = ColorMap::fit(&[], &[], None);
         assert_eq!(map.of(&colors()), colors());
-        let (from, to) = ([[100, 50, 20]; 9], [[90, 60, 20]; 9]);
+        let from = [[100, 50, 20]; 9];
+        let to = [[90, 60, 20]; 9];
         assert_eq!(ColorMap::fit(&from, &to, None).of(&from), to);
         assert_eq!(ColorMap::fit(&from, &to, Some(&[0; 9])).of(&from), from);
     }

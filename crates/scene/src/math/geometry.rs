@@ -11,7 +11,9 @@ pub fn centroid([a, b, c]: [Vec3; 3]) -> Vec3 {
 
 /// Lowest and highest corner of the box around points; `None` of no points.
 pub fn bounds(points: impl Iterator<Item = Vec3>) -> Option<[Vec3; 2]> {
-    points.map(|point| [point, point]).reduce(|[low, high], [point, _]| [low.min(point), high.max(point)])
+    points
+        .map(|point| [point, point])
+        .reduce(|[low, high], [point, _]| [low.min(point), high.max(point)])
 }
 
 /// The mean of points; the origin without any.
@@ -22,7 +24,8 @@ pub fn mean(points: impl ExactSizeIterator<Item = Vec3>) -> Vec3 {
 
 /// The median of points along each axis, which a few far ones do not move; `None` of no points.
 pub fn central(points: &[Vec3]) -> Option<Vec3> {
-    let along = |axis: usize| median(points.iter().map(|point| point[axis]).collect(), f32::total_cmp);
+    let along =
+        |axis: usize| median(points.iter().map(|point| point[axis]).collect(), f32::total_cmp);
     Some(Vec3::new(along(0)?, along(1)?, along(2)?))
 }
 
@@ -45,7 +48,8 @@ pub fn octasphere(subdivisions: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let mut corners = vec![Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z];
     let mut faces: Vec<[u32; 3]> = (0..8u32)
         .map(|octant| {
-            let [x, y, z] = [0, 1, 2].map(|axis| if octant >> axis & 1 == 0 { axis } else { axis + 3 });
+            let [x, y, z] =
+                [0, 1, 2].map(|axis| if octant >> axis & 1 == 0 { axis } else { axis + 3 });
             if octant.count_ones() % 2 == 0 { [x, y, z] } else { [x, z, y] }
         })
         .collect();
@@ -60,7 +64,8 @@ pub fn octasphere(subdivisions: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
         faces = faces
             .into_iter()
             .flat_map(|[a, b, c]| {
-                let (ab, bc) = (middle(a, b, &mut corners), middle(b, c, &mut corners));
+                let ab = middle(a, b, &mut corners);
+                let bc = middle(b, c, &mut corners);
                 let ca = middle(c, a, &mut corners);
                 [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
             })
@@ -93,7 +98,8 @@ pub fn symmetric_eigen(matrix: DMat3) -> [(f64, DVec3); 3] {
                 (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
             }
             for rows in [&mut a, &mut v] {
-                let (x, y) = (rows[p], rows[q]);
+                let x = rows[p];
+                let y = rows[q];
                 rows[p] = std::array::from_fn(|k| c * x[k] - s * y[k]);
                 rows[q] = std::array::from_fn(|k| s * x[k] + c * y[k]);
             }
@@ -111,13 +117,14 @@ pub fn symmetric_eigen(matrix: DMat3) -> [(f64, DVec3); 3] {
 /// of the order. `[N]`
 pub fn along_curve(points: &[DVec3]) -> Vec<u32> {
     let finite = || points.iter().filter(|p| p.is_finite());
-    let (min, max) =
-        finite().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| (min.min(p), max.max(p)));
+    let (min, max) = finite()
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| (min.min(p), max.max(p)));
     // In the unit cube, because meshoptimizer works in f32, where the extent of a huge scene is infinite.
     let size = (max - min).max_element();
     let scale = if size > 0.0 { 1.0 / size } else { 0.0 };
-    let in_cube =
-        |p: &DVec3| if p.is_finite() { ((*p - min) * scale).as_vec3().to_array() } else { [0.0; 3] };
+    let in_cube = |p: &DVec3| {
+        if p.is_finite() { ((*p - min) * scale).as_vec3().to_array() } else { [0.0; 3] }
+    };
     let unit: Vec<[f32; 3]> = points.iter().map(in_cube).collect();
     let mut order = vec![0; unit.len()];
     for (point, to) in (0..).zip(meshopt::spatial_sort_remap_decoder(&unit)) {
@@ -187,7 +194,9 @@ mod curve_tests {
     #[test]
     fn every_point_comes_once_even_if_it_is_nowhere() {
         let nowhere = DVec3::new(f64::NAN, f64::INFINITY, 0.0);
-        for points in [vec![], vec![nowhere], vec![DVec3::ONE, nowhere, DVec3::ONE, DVec3::ZERO, -nowhere]] {
+        for points in
+            [vec![], vec![nowhere], vec![DVec3::ONE, nowhere, DVec3::ONE, DVec3::ZERO, -nowhere]]
+        {
             let mut order = along_curve(&points);
             order.sort_unstable();
             assert!(order.iter().copied().eq(0..points.len() as u32), "{order:?}");

@@ -48,7 +48,8 @@ impl Sets {
 
     /// Makes one set of those that `a` and `b` are in.
     pub fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.first(a), self.first(b));
+        let a = self.first(a);
+        let b = self.first(b);
         self.0[a.max(b) as usize] = a.min(b);
     }
 }
@@ -61,7 +62,9 @@ const EXPONENT: u32 = 0x7f80_0000;
 /// True when no value is NaN or infinite.
 pub fn all_finite(values: &[f32]) -> bool {
     // No early exit inside a chunk, so that the loop is vectorised.
-    all_chunks(values, |chunk| chunk.iter().fold(true, |all, x| all & (x.to_bits() & EXPONENT != EXPONENT)))
+    all_chunks(values, |chunk| {
+        chunk.iter().fold(true, |all, x| all & (x.to_bits() & EXPONENT != EXPONENT))
+    })
 }
 
 /// True when every value lies in [0, 1].
@@ -71,7 +74,9 @@ pub(crate) fn all_in_unit(values: &[f32]) -> bool {
 
 /// True when every value is above 0 and finite.
 pub(crate) fn all_positive(values: &[f32]) -> bool {
-    all_chunks(values, |chunk| chunk.iter().fold(true, |all, x| all & (*x > 0.0) & (*x <= f32::MAX)))
+    all_chunks(values, |chunk| {
+        chunk.iter().fold(true, |all, x| all & (*x > 0.0) & (*x <= f32::MAX))
+    })
 }
 
 fn all_chunks(values: &[f32], valid: impl Fn(&[f32]) -> bool + Sync) -> bool {
@@ -125,9 +130,16 @@ mod finite_tests {
     fn one_bad_value_is_found_at_any_index() {
         let good = vec![0.5f32; 3 * CHUNK + 7];
         for at in [0, 1, CHUNK - 1, CHUNK, 3 * CHUNK + 6] {
-            for bad in
-                [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0, -f32::MIN_POSITIVE, 2.0, -0.0, 1e-45]
-            {
+            for bad in [
+                f32::NAN,
+                f32::INFINITY,
+                f32::NEG_INFINITY,
+                -1.0,
+                -f32::MIN_POSITIVE,
+                2.0,
+                -0.0,
+                1e-45,
+            ] {
                 let mut values = good.clone();
                 values[at] = bad;
                 assert_eq!(all_finite(&values), bad.is_finite(), "{bad}");

@@ -16,7 +16,8 @@ const LEAST_SQUARED_ERROR: f64 = 1e-12;
 pub fn psnr(a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
     assert_eq!(a.len(), b.len(), "pictures of different sizes");
     let squared = |i: usize| -> f64 {
-        (0..3).map(|c| f64::from(i32::from(a[i][c]) - i32::from(b[i][c])).powi(2)).sum::<f64>() / 3.0
+        (0..3).map(|c| f64::from(i32::from(a[i][c]) - i32::from(b[i][c])).powi(2)).sum::<f64>()
+            / 3.0
     };
     let mean = weighted_mean((0..a.len()).map(squared), weights);
     -10.0 * (mean / (255.0 * 255.0)).max(LEAST_SQUARED_ERROR).log10()
@@ -29,7 +30,8 @@ pub fn ssim(size: UVec2, a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -
     assert_eq!(a.len(), width * size.y as usize, "the size is not the picture's");
     assert_eq!(a.len(), b.len(), "pictures of different sizes");
     let window = window();
-    let rows: Vec<Vec<f64>> = parallel::map(0..size.y as usize, |_, y| ssim_row(width, a, b, y, &window));
+    let rows: Vec<Vec<f64>> =
+        parallel::map(0..size.y as usize, |_, y| ssim_row(width, a, b, y, &window));
     weighted_mean(rows.into_iter().flatten(), weights)
 }
 
@@ -45,17 +47,25 @@ pub fn flip(size: UVec2, reference: &[[u8; 3]], test: &[[u8; 3]], weights: Optio
 }
 
 /// The SSIM of every pixel of row `y`, mean over channels. `[W]`
-fn ssim_row(width: usize, a: &[[u8; 3]], b: &[[u8; 3]], y: usize, window: &[f64; TAPS]) -> Vec<f64> {
+fn ssim_row(
+    width: usize,
+    a: &[[u8; 3]],
+    b: &[[u8; 3]],
+    y: usize,
+    window: &[f64; TAPS],
+) -> Vec<f64> {
     let half = TAPS / 2;
     let height = a.len() / width;
     // Per channel: a, b, a², b², ab, filtered down the column. // [W][3][5]
     let mut columns = vec![[[0.0f64; 5]; 3]; width];
     for (tap, weight) in window.iter().enumerate() {
         let Some(row) = (y + tap).checked_sub(half).filter(|&row| row < height) else { continue };
-        let (ra, rb) = (&a[row * width..(row + 1) * width], &b[row * width..(row + 1) * width]);
+        let ra = &a[row * width..(row + 1) * width];
+        let rb = &b[row * width..(row + 1) * width];
         for ((sums, pa), pb) in columns.iter_mut().zip(ra).zip(rb) {
             for c in 0..3 {
-                let (va, vb) = (f64::from(pa[c]) / 255.0, f64::from(pb[c]) / 255.0);
+                let va = f64::from(pa[c]) / 255.0;
+                let vb = f64::from(pb[c]) / 255.0;
                 let products = [va, vb, va * va, vb * vb, va * vb];
                 for (sum, product) in sums[c].iter_mut().zip(products) {
                     *sum += weight * product;
@@ -66,7 +76,9 @@ fn ssim_row(width: usize, a: &[[u8; 3]], b: &[[u8; 3]], y: usize, window: &[f64;
     let pixel = |x: usize| {
         let mut sums = [[0.0f64; 5]; 3];
         for (tap, weight) in window.iter().enumerate() {
-            let Some(column) = (x + tap).checked_sub(half).and_then(|at| columns.get(at)) else { continue };
+            let Some(column) = (x + tap).checked_sub(half).and_then(|at| columns.get(at)) else {
+                continue;
+            };
             for c in 0..3 {
                 for (sum, value) in sums[c].iter_mut().zip(column[c]) {
                     *sum += weight * value;
@@ -87,7 +99,8 @@ fn ssim_of_moments(&[ma, mb, aa, bb, ab]: &[f64; 5]) -> f64 {
 
 /// Weighted mean of `values`; 0 when all weights are 0.
 fn weighted_mean(values: impl Iterator<Item = f64>, weights: Option<&[u8]>) -> f64 {
-    let (mut sum, mut total) = (0.0, 0.0);
+    let mut sum = 0.0;
+    let mut total = 0.0;
     for (i, value) in values.enumerate() {
         let weight = weights.map_or(1.0, |w| f64::from(w[i]) / 255.0);
         // Skipped instead of multiplied by zero, because a masked pixel may have any value.
@@ -139,7 +152,9 @@ pub struct Factors<R> {
 /// The factors from the means of a, b and ab under the window, and from σa² + σb².
 #[inline(always)]
 pub fn factors<R: Real>(a: R, b: R, ab: R, variances: R) -> Factors<R> {
-    let (c1, c2, two) = (R::of(C1), R::of(C2), R::of(2.0));
+    let c1 = R::of(C1);
+    let c2 = R::of(C2);
+    let two = R::of(2.0);
     Factors {
         luminance: two * a * b + c1,
         structure: two * (ab - a * b) + c2,
@@ -161,7 +176,8 @@ mod tests {
 
     /// SSIM straight from the paper's formula: 121 taps at every pixel, raw moments.
     fn ssim_by_definition(size: UVec2, a: &[[u8; 3]], b: &[[u8; 3]]) -> f64 {
-        let (w, h) = (size.x as i64, size.y as i64);
+        let w = size.x as i64;
+        let h = size.y as i64;
         let g = |d: i64| (-(d * d) as f64 / 4.5).exp();
         let norm: f64 = (-5..=5).map(g).sum();
         let mut total = 0.0;
@@ -173,7 +189,8 @@ mod tests {
                         for dx in -5..=5i64 {
                             if (0..w).contains(&(x + dx)) && (0..h).contains(&(y + dy)) {
                                 let at = ((y + dy) * w + x + dx) as usize;
-                                let (p, q) = (f64::from(a[at][c]) / 255.0, f64::from(b[at][c]) / 255.0);
+                                let p = f64::from(a[at][c]) / 255.0;
+                                let q = f64::from(b[at][c]) / 255.0;
                                 let weight = g(dx) * g(dy) / (norm * norm);
                                 for (sum, v) in m.iter_mut().zip([p, q, p * p, q * q, p * q]) {
                                     *sum += weight * v;
@@ -181,7 +198,9 @@ mod tests {
                             }
                         }
                     }
-                    let (va, vb, vab) = (m[2] - m[0] * m[0], m[3] - m[1] * m[1], m[4] - m[0] * m[1]);
+                    let va = m[2] - m[0] * m[0];
+                    let vb = m[3] - m[1] * m[1];
+                    let vab = m[4] - m[0] * m[1];
                     total += (2.0 * m[0] * m[1] + 1e-4) * (2.0 * vab + 9e-4)
                         / ((m[0] * m[0] + m[1] * m[1] + 1e-4) * (va + vb + 9e-4));
                 }
@@ -193,7 +212,8 @@ mod tests {
     #[test]
     fn ssim_is_the_formula_of_the_paper_at_any_size() {
         for size in [(1, 1), (1, 9), (5, 3), (11, 11), (23, 17)].map(UVec2::from) {
-            let (a, b) = (noise(size, "a"), noise(size, "b"));
+            let a = noise(size, "a");
+            let b = noise(size, "b");
             let difference = ssim(size, &a, &b, None) - ssim_by_definition(size, &a, &b);
             assert!(difference.abs() < 1e-12, "{size}: {difference}");
             assert!((ssim(size, &a, &a, None) - 1.0).abs() < 1e-12);
@@ -212,7 +232,8 @@ mod tests {
     #[test]
     fn hidden_pixels_do_not_count() {
         let size = UVec2::new(24, 16);
-        let (a, mut b) = (noise(size, "a"), noise(size, "a"));
+        let a = noise(size, "a");
+        let mut b = noise(size, "a");
         let mut weights = vec![255u8; b.len()];
         for i in 0..24 * 4 {
             b[i] = [255 - b[i][0], 0, 7];

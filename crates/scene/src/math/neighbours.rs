@@ -50,7 +50,8 @@ fn build(points: &[Vec3], order: &mut [u32], axes: &mut [u8]) {
     let middle = order.len() / 2;
     let key = |i: &u32| (points[*i as usize][axis], *i);
     order.select_nth_unstable_by(middle, |a, b| {
-        let (a, b) = (key(a), key(b));
+        let a = key(a);
+        let b = key(b);
         a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
     });
     let (left, right) = order.split_at_mut(middle);
@@ -76,7 +77,8 @@ impl KdTree<'_> {
         let middle = self.order.len() / 2;
         let axis = usize::from(self.axes[middle]);
         let offset = p[axis] - self.points[self.order[middle] as usize][axis];
-        let (left, right) = (self.part(0..middle), self.part(middle + 1..self.order.len()));
+        let left = self.part(0..middle);
+        let right = self.part(middle + 1..self.order.len());
         let (near, far) = if offset < 0.0 { (left, right) } else { (right, left) };
         near.search(me, p, best);
         self.offer(self.order[middle], me, p, best);
@@ -109,7 +111,11 @@ mod tests {
         let rng = Rng::new(1, "points", 0);
         let points: Vec<Vec3> = (0..700u64)
             .map(|i| {
-                let p = Vec3::new(rng.uniform(3 * i), rng.uniform(3 * i + 1), 0.1 * rng.uniform(3 * i + 2));
+                let p = Vec3::new(
+                    rng.uniform(3 * i),
+                    rng.uniform(3 * i + 1),
+                    0.1 * rng.uniform(3 * i + 2),
+                );
                 if i % 50 == 0 {
                     p * 1e4
                 } else if i % 17 == 0 {
@@ -121,8 +127,12 @@ mod tests {
             .collect();
         let fast = mean_distances(&points);
         for (i, p) in points.iter().enumerate() {
-            let mut all: Vec<f32> =
-                points.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, q)| q.distance(*p)).collect();
+            let mut all: Vec<f32> = points
+                .iter()
+                .enumerate()
+                .filter(|(j, _)| *j != i)
+                .map(|(_, q)| q.distance(*p))
+                .collect();
             all.sort_by(f32::total_cmp);
             let mean = all[..3].iter().sum::<f32>() / 3.0;
             assert!((fast[i] - mean).abs() <= 1e-5 * mean.max(1e-3), "{i}: {} {mean}", fast[i]);

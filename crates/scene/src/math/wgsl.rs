@@ -26,6 +26,7 @@ pub fn constant(out: &mut String, name: &str, value: impl Into<f64>) {
 /// Writes numbers as a constant array.
 pub fn constants<T: Copy + Into<f64> + Debug>(out: &mut String, name: &str, values: &[T]) {
     let list: Vec<String> = values.iter().map(|&value| format!("{:.9e}", value.into())).collect();
-    let (count, list) = (values.len(), list.join(", "));
+    let count = values.len();
+    let list = list.join(", ");
     let _ = writeln!(out, "const {name} = array<f32, {count}>({list});");
 }

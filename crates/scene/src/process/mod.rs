@@ -85,7 +85,8 @@ mod system {
         getrusage(who).map_or_else(
             |_| ProcessUsage::default(),
             |usage| ProcessUsage {
-                cpu_secs: (usage.user_time() + usage.system_time()).num_microseconds() as f64 * 1e-6,
+                cpu_secs: (usage.user_time() + usage.system_time()).num_microseconds() as f64
+                    * 1e-6,
                 peak_bytes: usage.max_rss().max(0) as u64 * RSS_UNIT_BYTES,
             },
         )
@@ -100,7 +101,9 @@ mod system {
     use std::os::windows::io::AsRawHandle;
     use std::process::Child;
     use windows_sys::Win32::Foundation::{FILETIME, HANDLE};
-    use windows_sys::Win32::System::ProcessStatus::{K32GetProcessMemoryInfo, PROCESS_MEMORY_COUNTERS};
+    use windows_sys::Win32::System::ProcessStatus::{
+        K32GetProcessMemoryInfo, PROCESS_MEMORY_COUNTERS,
+    };
     use windows_sys::Win32::System::Threading::{GetCurrentProcess, GetProcessTimes};
 
     pub(super) fn this_process() -> ProcessUsage {
@@ -240,7 +243,8 @@ fn kill(id: u32) {
     use std::process::Stdio;
     let kill = ["/T", "/F", "/PID"].map(String::from).into_iter().chain([id.to_string()]);
     // One that has ended already needs none.
-    let _ = Command::new("taskkill").args(kill).stdout(Stdio::null()).stderr(Stdio::null()).status();
+    let _ =
+        Command::new("taskkill").args(kill).stdout(Stdio::null()).stderr(Stdio::null()).status();
 }
 
 #[cfg(not(any(unix, windows)))]
@@ -259,14 +263,16 @@ mod tests {
         let mut command = Command::new("sh");
         command.args(["-c", "sleep 100 & echo $!; wait"]).stdout(Stdio::piped());
         let mut program = Running::start(&mut command).unwrap();
-        let (mut said, mut digits) = (program.output().unwrap(), Vec::new());
+        let mut said = program.output().unwrap();
+        let mut digits = Vec::new();
         while !digits.ends_with(b"\n") {
             let mut byte = [0];
             said.read_exact(&mut byte).unwrap();
             digits.push(byte[0]);
         }
         let started: i32 = String::from_utf8(digits).unwrap().trim().parse().unwrap();
-        let (began, id) = (Instant::now(), program.child.id());
+        let began = Instant::now();
+        let id = program.child.id();
         drop(program);
         // Ended, or waiting to be reaped; a killed process may still have to be scheduled.
         let state = || std::fs::read_to_string(format!("/proc/{started}/stat")).unwrap_or_default();

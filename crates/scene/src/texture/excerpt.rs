@@ -59,16 +59,19 @@ impl FaceTexture {
         let (rectangles, of_face) = self.rectangles(&pages);
         let grown: Vec<Rectangle> =
             rectangles.iter().map(|one| one.grown(pages[usize::from(one.page)].size)).collect();
-        let before: u64 = self.pages.iter().map(|page| u64::from(page.size().element_product())).sum();
+        let before: u64 =
+            self.pages.iter().map(|page| u64::from(page.size().element_product())).sum();
         let sizes: Vec<UVec2> = grown.iter().map(Rectangle::size).collect();
         let Some((size, places)) = packed(&sizes, most) else { return self.clone() };
         if u64::from(size.element_product()) as f64 > WORTH * before as f64 {
             return self.clone();
         }
         let moved = |face: usize| {
-            let (from, to) = (&grown[of_face[face] as usize], places[of_face[face] as usize]);
+            let from = &grown[of_face[face] as usize];
+            let to = places[of_face[face] as usize];
             let texels = pages[usize::from(from.page)].size.as_vec2();
-            self.uvs[face].map(|uv| (uv * texels - from.low.as_vec2() + to.as_vec2()) / size.as_vec2())
+            self.uvs[face]
+                .map(|uv| (uv * texels - from.low.as_vec2() + to.as_vec2()) / size.as_vec2())
         };
         let uvs = parallel::collect(self.uvs.len(), GRAIN, moved);
         FaceTexture::new(uvs, Arc::new(Texture::new(copied(&pages, &grown, &places, size))))
@@ -104,14 +107,16 @@ impl FaceTexture {
     fn connected(&self) -> Vec<u32> {
         let uvs = self.uvs.as_flattened();
         let place = |corner: usize| {
-            let (face, uv) = (corner / 3, uvs[corner]);
+            let face = corner / 3;
+            let uv = uvs[corner];
             (self.page(face), uv.x.to_bits(), uv.y.to_bits(), face as u32)
         };
         let mut corners = parallel::collect(uvs.len(), GRAIN, place);
         corners.par_sort_unstable();
         let mut sets = Sets::new(self.uvs.len());
         for pair in corners.windows(2) {
-            let ((page, x, y, a), (next_page, next_x, next_y, b)) = (pair[0], pair[1]);
+            let (page, x, y, a) = pair[0];
+            let (next_page, next_x, next_y, b) = pair[1];
             if (page, x, y) == (next_page, next_x, next_y) {
                 sets.join(a, b);
             }
@@ -176,7 +181,8 @@ impl Merged {
 
 /// The squares that a rectangle touches; of a huge one the first ones.
 fn squares(one: &Rectangle) -> Vec<(u16, u32, u32)> {
-    let (low, high) = (one.low / SQUARE, (one.high - 1) / SQUARE);
+    let low = one.low / SQUARE;
+    let high = (one.high - 1) / SQUARE;
     let all = (low.y..=high.y).flat_map(|y| (low.x..=high.x).map(move |x| (one.page, y, x)));
     all.take(MOST_SQUARES as usize).collect()
 }
@@ -190,7 +196,8 @@ pub fn packed(sizes: &[UVec2], most: u32) -> Option<(UVec2, Vec<UVec2>)> {
     let widest = sizes.iter().map(|size| size.x).max()?;
     let width = ((texels as f64).sqrt() as u32).max(widest).next_multiple_of(STEP);
     let mut places = vec![UVec2::ZERO; sizes.len()];
-    let (mut at, mut shelf) = (UVec2::ZERO, 0);
+    let mut at = UVec2::ZERO;
+    let mut shelf = 0;
     for i in order {
         let size = sizes[i].map(|side| side.next_multiple_of(2));
         if at.x + size.x > width {
@@ -208,13 +215,21 @@ pub fn packed(sizes: &[UVec2], most: u32) -> Option<(UVec2, Vec<UVec2>)> {
 }
 
 /// The page; what no rectangle covers has the mean colour of the pages.
-fn copied(pages: &[&RgbImage], rectangles: &[Rectangle], places: &[UVec2], size: UVec2) -> RgbImage {
+fn copied(
+    pages: &[&RgbImage],
+    rectangles: &[Rectangle],
+    places: &[UVec2],
+    size: UVec2,
+) -> RgbImage {
     let mut sum = [0u64; 3];
     let mut texels = 0;
     for one in rectangles {
         let from = pages[usize::from(one.page)];
-        let at = ((one.low.y + one.high.y) / 2 * from.size.x + (one.low.x + one.high.x) / 2) as usize;
-        (0..3).for_each(|c| sum[c] += one.area() * u64::from(from.rgb[at.min(from.rgb.len() - 1)][c]));
+        let at =
+            ((one.low.y + one.high.y) / 2 * from.size.x + (one.low.x + one.high.x) / 2) as usize;
+        (0..3).for_each(|c| {
+            sum[c] += one.area() * u64::from(from.rgb[at.min(from.rgb.len() - 1)][c])
+        });
         texels += one.area();
     }
     let mean = sum.map(|sum| (sum / texels.max(1)) as u8);
@@ -239,14 +254,15 @@ mod tests {
     /// A page of 512 by 256 texels, none like another, and triangles of at most 24 texels.
     fn texture(faces: u64) -> FaceTexture {
         let size = UVec2::new(512, 256);
-        let rgb =
-            (0..size.element_product()).map(|i| [(i % 251) as u8, (i / 512) as u8, (i * 7 % 256) as u8]);
+        let rgb = (0..size.element_product())
+            .map(|i| [(i % 251) as u8, (i / 512) as u8, (i * 7 % 256) as u8]);
         let page = Texture::new(RgbImage { size, rgb: rgb.collect(), alpha: None });
         let rng = Rng::new(3, "excerpt", 0);
         let at = |face: u64| {
             let draw = |k: u64| rng.uniform(8 * face + k);
             let first = Vec2::new(60.0 + 380.0 * draw(0), 40.0 + 180.0 * draw(1));
-            let corner = |k: u64| (first + 24.0 * Vec2::new(draw(k), draw(k + 1)) + 0.5) / size.as_vec2();
+            let corner =
+                |k: u64| (first + 24.0 * Vec2::new(draw(k), draw(k + 1)) + 0.5) / size.as_vec2();
             [corner(2), corner(4), corner(6)]
         };
         FaceTexture::new((0..faces).map(at).collect(), Arc::new(page))
@@ -258,7 +274,10 @@ mod tests {
                 let at = |uvs: &[Vec2; 3]| (0..3).map(|k| weights[k] * uvs[k]).sum::<Vec2>();
                 let wants = whole.texture(face).sample(at(&whole.uvs[face]), halvings as f32);
                 let got = part.texture(face).sample(at(uvs), 0.0);
-                assert!((0..3).all(|c| (wants[c] - got[c]).abs() < 2e-3), "{face}: {wants:?} {got:?}");
+                assert!(
+                    (0..3).all(|c| (wants[c] - got[c]).abs() < 2e-3),
+                    "{face}: {wants:?} {got:?}"
+                );
             }
         }
     }
@@ -302,7 +321,9 @@ mod tests {
         agree(&two, &part, 0);
         // A fan of triangles.
         let at = |x: f32, y: f32| Vec2::new(x, y) / Vec2::new(512.0, 256.0);
-        let rim = |i: i32| at(100.0 + 40.0 * (0.1 * i as f32).cos(), 100.0 + 40.0 * (0.1 * i as f32).sin());
+        let rim = |i: i32| {
+            at(100.0 + 40.0 * (0.1 * i as f32).cos(), 100.0 + 40.0 * (0.1 * i as f32).sin())
+        };
         let fan = (0..63).map(|i| [at(100.0, 100.0), rim(i), rim(i + 1)]).collect();
         let fan = FaceTexture { uvs: fan, ..texture(0) };
         assert_eq!(fan.rectangles(&[fan.pages[0].picture()]).0.len(), 1);

@@ -6,7 +6,9 @@ use super::scene::{Photos, SceneBuffers, VISIBILITY_NUMBERS, VisibilityBuffer, r
 use super::sequence::{BindGroups, GROUPS, Jobs, Sequence, self_test};
 use super::step_buffers::{GpuLimits, SLOT_PARTS, StepBuffers, StepCapacity, missing_capacity};
 use super::step_passes::StepPasses;
-use super::uniform::{GEOMETRY_SLOT_NUMBERS, Look, PendingStep, StepPlan, StepUniform, first_counts};
+use super::uniform::{
+    GEOMETRY_SLOT_NUMBERS, Look, PendingStep, StepPlan, StepUniform, first_counts,
+};
 use crate::backend::{BackendVisibility, RunSize, StepPhoto, StepStats, TrainBackend};
 use crate::params::{Params, TrainState};
 use crate::schedule::StepParams;
@@ -65,11 +67,13 @@ impl GpuBackend {
         let most = gpu.device.limits().max_storage_buffers_per_shader_stage;
         if most < STORAGE_BUFFERS {
             let name = &gpu.info.name;
-            let what = format!("{name} binds {most} buffers at once, training needs {STORAGE_BUFFERS}");
+            let what =
+                format!("{name} binds {most} buffers at once, training needs {STORAGE_BUFFERS}");
             return Err(Error::Gpu(format!("{what}; train on the CPU (`backend` cpu)")));
         }
         let small = |what, numbers: usize| storage(&gpu, what, 4 * numbers as u64, REMEDY);
-        let (passes, jobs) = (Passes::new(&gpu)?, Jobs::new(&gpu)?);
+        let passes = Passes::new(&gpu)?;
+        let jobs = Jobs::new(&gpu)?;
         self_test(&gpu, &passes, &jobs)?;
         Ok(Self {
             passes,
@@ -98,12 +102,17 @@ impl GpuBackend {
 
     /// Forgets the scene, its visibility and its photos; draws with `options` from now on, within `limits`.
     pub fn restart(&mut self, options: SoftOptions, limits: GpuLimits) {
-        (self.scene, self.visibility, self.options, self.limits) = (None, None, options, limits);
-        (self.buffers, self.photos) = (None, Photos::new(limits.photo_bytes));
+        self.scene = None;
+        self.visibility = None;
+        self.options = options;
+        self.limits = limits;
+        self.buffers = None;
+        self.photos = Photos::new(limits.photo_bytes);
         self.bind_groups.clear();
         self.pending_steps.clear();
         self.figures.clear();
-        (self.loaded, self.failure) = (None, None);
+        self.loaded = None;
+        self.failure = None;
         self.go_on();
     }
 
@@ -154,14 +163,19 @@ impl GpuBackend {
     fn first_pairs(&self, triangles: u32) -> u32 {
         let GpuLimits { pairs_each, pairs_least, binding_bytes, .. } = self.limits;
         let most = u64::from(SLOT_PARTS) * (binding_bytes / (4 * u64::from(GEOMETRY_SLOT_NUMBERS)));
-        triangles.saturating_mul(pairs_each).max(pairs_least).min(u32::try_from(most).unwrap_or(u32::MAX))
+        triangles
+            .saturating_mul(pairs_each)
+            .max(pairs_least)
+            .min(u32::try_from(most).unwrap_or(u32::MAX))
     }
 
     /// Submits a step to the card.
     fn launch(&mut self, mut pending: PendingStep) -> Result<()> {
         let mut encoder = self.begin(&mut pending.step, &pending.counts)?;
         pending.photo.copy(&self.gpu, &mut encoder, &self.buffers()?.photo);
-        self.record(&pending.plan, pending.regularised, &mut encoder, |passes, to| passes.record(to))?;
+        self.record(&pending.plan, pending.regularised, &mut encoder, |passes, to| {
+            passes.record(to)
+        })?;
         pending.readback.record(&mut encoder, &self.counts);
         let submission = self.gpu.queue.submit([encoder.finish()]);
         pending.readback.submitted(submission);
@@ -170,7 +184,11 @@ impl GpuBackend {
     }
 
     /// Uploads the inputs of passes before recording.
-    pub(super) fn begin(&self, step: &mut StepUniform, counts: &[u32; COUNTS]) -> Result<CommandEncoder> {
+    pub(super) fn begin(
+        &self,
+        step: &mut StepUniform,
+        counts: &[u32; COUNTS],
+    ) -> Result<CommandEncoder> {
         step.set_slot_pairs(self.buffers()?.size.slot_pairs());
         let Gpu { queue, device, .. } = &self.gpu;
         queue.write_buffer(&self.step, 0, bytemuck::bytes_of(step));
@@ -186,7 +204,8 @@ impl GpuBackend {
         encoder: &mut CommandEncoder,
         what: impl FnOnce(&StepPasses<'_>, &mut Sequence<'_>),
     ) -> Result<()> {
-        let (Some(buffers), Some(visibility), Some(scene)) = (&self.buffers, &self.visibility, &self.scene)
+        let (Some(buffers), Some(visibility), Some(scene)) =
+            (&self.buffers, &self.visibility, &self.scene)
         else {
             return Err(Error::Gpu("a step without buffers".into()));
         };
@@ -202,7 +221,10 @@ impl GpuBackend {
             plan,
             regularised,
         };
-        let (gpu, jobs, groups, bind_groups) = (&self.gpu, &self.jobs, &self.groups, &mut self.bind_groups);
+        let gpu = &self.gpu;
+        let jobs = &self.jobs;
+        let groups = &self.groups;
+        let bind_groups = &mut self.bind_groups;
         what(&passes, &mut Sequence { gpu, bind_groups, jobs, groups, encoder, pass: None });
         Ok(())
     }
@@ -271,8 +293,9 @@ impl GpuBackend {
         let Some(state) = &self.loaded else { return Ok(()) };
         let triangles = state.params.len();
         let binding_bytes = self.limits.binding_bytes;
-        let scene =
-            with_room(&self.gpu, &mut self.photos, |gpu| SceneBuffers::load(gpu, state, binding_bytes))?;
+        let scene = with_room(&self.gpu, &mut self.photos, |gpu| {
+            SceneBuffers::load(gpu, state, binding_bytes)
+        })?;
         self.scene = Some(scene);
         // A scene that returns unchanged keeps its visibility.
         if self.visibility.as_ref().is_none_or(|visibility| visibility.triangles != triangles) {
@@ -311,7 +334,8 @@ impl TrainBackend for GpuBackend {
     fn store(&mut self) -> Result<TrainState> {
         self.settle_all()?;
         let state = self.scene()?.store(&self.gpu)?;
-        (self.scene, self.loaded) = (None, None);
+        self.scene = None;
+        self.loaded = None;
         self.bind_groups.clear();
         Ok(state)
     }
@@ -333,7 +357,12 @@ impl TrainBackend for GpuBackend {
         true
     }
 
-    fn picture(&mut self, camera: &Camera, drawing: &SoftOptions, rates: &StepParams) -> Result<Frame> {
+    fn picture(
+        &mut self,
+        camera: &Camera,
+        drawing: &SoftOptions,
+        rates: &StepParams,
+    ) -> Result<Frame> {
         self.draw(camera, drawing, &Look::of(rates))
     }
 
@@ -343,7 +372,9 @@ impl TrainBackend for GpuBackend {
 
     fn take_visibility(&mut self) -> Result<BackendVisibility> {
         self.settle_all()?;
-        self.visibility.as_ref().map_or_else(|| Ok(BackendVisibility::default()), |v| v.take(&self.gpu))
+        self.visibility
+            .as_ref()
+            .map_or_else(|| Ok(BackendVisibility::default()), |v| v.take(&self.gpu))
     }
 
     fn figures(&mut self, all: bool) -> Result<Vec<StepStats>> {
@@ -357,7 +388,8 @@ impl TrainBackend for GpuBackend {
         let shape = self.scene()?.shape;
         let plan = StepPlan::new(photo, rates, &self.options);
         self.reserve(StepCapacity::of(&plan, shape.triangles, self.limits.spare_splats))?;
-        let readback = self.spare.pop().unwrap_or_else(|| Readback::new(&self.gpu, 4 * COUNTS as u64));
+        let readback =
+            self.spare.pop().unwrap_or_else(|| Readback::new(&self.gpu, 4 * COUNTS as u64));
         let source = self.photos.get(&self.gpu, photo);
         let launched = self.launch(PendingStep {
             step: StepUniform::new(&plan, photo, rates, shape),
@@ -422,7 +454,8 @@ mod tests {
         let photo = UVec2::new(1600, 1000);
         let size = |triangles| RunSize { triangles, sh_degree: 3, photo, photo_pixels: 0 };
         let gigabytes = |triangles| expected_bytes(&size(triangles), &limits) as f64 * 1e-9;
-        let (three, ten) = (gigabytes(3_000_000), gigabytes(10_000_000));
+        let three = gigabytes(3_000_000);
+        let ten = gigabytes(10_000_000);
         assert!((3.45..3.6).contains(&three), "{three}");
         assert!((11.0..11.6).contains(&ten), "{ten}");
     }

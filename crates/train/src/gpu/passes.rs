@@ -67,18 +67,38 @@ impl TilePasses {
         let forward = match plan.by_pixel() {
             false => pass!("forward", "tile_table", "tile_batch", "shade", "layer_sums"),
             true => pass!(
-                "forward_by_pixel", "tile_table", "tile_batch", "shade", "layer_sums", "pixel_grad",
-                "behind", "layer_share"
+                "forward_by_pixel",
+                "tile_table",
+                "tile_batch",
+                "shade",
+                "layer_sums",
+                "pixel_grad",
+                "behind",
+                "layer_share"
             ),
         };
         let backward = match plan.by_pixel() {
             false => pass!(
-                "backward", "tile_table", "shade", "pixel_grad", "behind", "layer_share", "slot_part",
-                "put_slot", "splat_sums", "pair_sums"
+                "backward",
+                "tile_table",
+                "shade",
+                "pixel_grad",
+                "behind",
+                "layer_share",
+                "slot_part",
+                "put_slot",
+                "splat_sums",
+                "pair_sums"
             ),
             true => pass!(
-                "backward_by_pixel", "tile_table", "shade", "pixel_grad", "slot_part", "put_slot",
-                "splat_sums", "pair_sums"
+                "backward_by_pixel",
+                "tile_table",
+                "shade",
+                "pixel_grad",
+                "slot_part",
+                "put_slot",
+                "splat_sums",
+                "pair_sums"
             ),
         };
         let kernel = |pass: Pass| Kernel::new(gpu, pass.name, pass.source(&plan.constants()));
@@ -110,7 +130,10 @@ const PAIRS_AT_ONCE: u32 = 32;
 const PAIR_BLOCKS: u32 = 128;
 // A bucket begins with a batch; an invocation loads an eighth of a pair; the blocks of one pair fit; a sort's totals have a digit each.
 const _: () = assert!(
-    BUCKET.is_multiple_of(BATCH) && 8 * PAIRS_AT_ONCE == GROUP && PAIR_BLOCKS >= 16 && RADIX == GROUP
+    BUCKET.is_multiple_of(BATCH)
+        && 8 * PAIRS_AT_ONCE == GROUP
+        && PAIR_BLOCKS >= 16
+        && RADIX == GROUP
 );
 
 /// A pass: its additional functions, and its code.

@@ -53,11 +53,17 @@ impl CardScene {
 
 impl GpuBackend {
     /// The view of `camera`, in training space: colour and transmittance. Waits for the card.
-    pub(super) fn draw(&mut self, camera: &Camera, options: &SoftOptions, look: &Look) -> Result<Frame> {
+    pub(super) fn draw(
+        &mut self,
+        camera: &Camera,
+        options: &SoftOptions,
+        look: &Look,
+    ) -> Result<Frame> {
         self.settle_all()?;
         let shape = self.scene()?.shape;
         let plan = StepPlan::of_picture(camera, options);
-        let mut needed = StepCapacity::of_picture(&plan, shape.triangles, self.limits().spare_splats);
+        let mut needed =
+            StepCapacity::of_picture(&plan, shape.triangles, self.limits().spare_splats);
         loop {
             self.reserve(needed)?;
             let counts = self.submit_picture(&plan, look, shape)?;
@@ -67,7 +73,8 @@ impl GpuBackend {
             }
             self.go_on();
         }
-        let pixels: Vec<[f32; 4]> = elements(self.gpu(), &self.buffers()?.frame, plan.pixels() as usize)?;
+        let pixels: Vec<[f32; 4]> =
+            elements(self.gpu(), &self.buffers()?.frame, plan.pixels() as usize)?;
         Ok(Frame {
             size: camera.size,
             rgb: pixels.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
@@ -77,7 +84,12 @@ impl GpuBackend {
     }
 
     /// Draws into the frame of the step buffers; returns the counts.
-    fn submit_picture(&mut self, plan: &StepPlan, look: &Look, shape: SceneShape) -> Result<Vec<u32>> {
+    fn submit_picture(
+        &mut self,
+        plan: &StepPlan,
+        look: &Look,
+        shape: SceneShape,
+    ) -> Result<Vec<u32>> {
         let mut step = StepUniform::of_picture(plan, look, shape);
         let mut encoder = self.begin(&mut step, &first_counts(plan, shape))?;
         self.record(plan, false, &mut encoder, |passes, to| passes.draw(to))?;

@@ -48,11 +48,13 @@ impl SceneBuffers {
     /// Moves a state to the card, in chunks whose rows take `binding_bytes` at most.
     pub(super) fn load(gpu: &Gpu, state: &TrainState, binding_bytes: u64) -> Result<Self> {
         let count = |n: usize| {
-            u32::try_from(n)
-                .map_err(|_| Error::invalid("max_triangles", n, "fewer than 4294967296 on the card"))
+            u32::try_from(n).map_err(|_| {
+                Error::invalid("max_triangles", n, "fewer than 4294967296 on the card")
+            })
         };
         let triangles = count(state.params.len())?;
-        let each = chunk_triangles(row_count(state.params.sh_count()), binding_bytes).min(triangles.max(1));
+        let each = chunk_triangles(row_count(state.params.sh_count()), binding_bytes)
+            .min(triangles.max(1));
         let mut chunks = Vec::new();
         for first in (0..triangles.max(1)).step_by(each as usize) {
             let chunk = first as usize..(first.saturating_add(each).min(triangles)) as usize;
@@ -168,10 +170,13 @@ impl VisibilityBuffer {
         encoder.clear_buffer(&self.buffer, 0, None);
         gpu.queue.submit([encoder.finish()]);
         let mut first = Importance::new(n);
-        (first.max_weight, first.max_radius_px) = (floats(0), floats(1));
+        first.max_weight = floats(0);
+        first.max_radius_px = floats(1);
         first.views = row(2).to_vec();
-        (first.sum_weight, first.nearness) = (floats(5), floats(6));
-        let error = row(3).iter().zip(row(4)).map(|(&low, &high)| u64::from(low) | u64::from(high) << 32);
+        first.sum_weight = floats(5);
+        first.nearness = floats(6);
+        let error =
+            row(3).iter().zip(row(4)).map(|(&low, &high)| u64::from(low) | u64::from(high) << 32);
         Ok(BackendVisibility { first, again: Importance::default(), error: error.collect() })
     }
 }
@@ -186,15 +191,18 @@ pub(super) fn row_count(sh_count: usize) -> usize {
 
 /// The rows of a chunk of `params`. `[11 + 3 K, N]`
 pub(super) fn from_params(params: &Params, chunk: Range<usize>) -> Vec<f32> {
-    let (n, k) = (chunk.len(), params.sh_count());
-    let (vertices, sh) = (&params.vertices[chunk.clone()], &params.sh[chunk.start * k..chunk.end * k]);
+    let n = chunk.len();
+    let k = params.sh_count();
+    let vertices = &params.vertices[chunk.clone()];
+    let sh = &params.sh[chunk.start * k..chunk.end * k];
     let mut rows = vec![0.0; row_count(k) * n];
     parallel::for_each(rows.chunks_mut(n.max(1)), |j, row| match j {
         0..9 => row.iter_mut().zip(vertices).for_each(|(x, v)| *x = v[j / 3][j % 3]),
         9 => row.copy_from_slice(&params.opacity[chunk.clone()]),
         10 => row.copy_from_slice(&params.sigma[chunk.clone()]),
         _ => {
-            let (k_at, c) = ((j - GEOMETRY_ROWS) / 3, (j - GEOMETRY_ROWS) % 3);
+            let k_at = (j - GEOMETRY_ROWS) / 3;
+            let c = (j - GEOMETRY_ROWS) % 3;
             row.iter_mut().zip(sh.chunks_exact(k)).for_each(|(x, sh)| *x = sh[k_at][c]);
         }
     });
@@ -207,10 +215,13 @@ pub(super) fn append(params: &mut Params, rows: &[f32], n: usize) {
     let at = |j: usize, i: usize| rows[j * n + i];
     let corner = |i: usize, c: usize| Vec3::new(at(3 * c, i), at(3 * c + 1, i), at(3 * c + 2, i));
     let coefficient = |m: usize| {
-        let (i, first) = (m / k, GEOMETRY_ROWS + 3 * (m % k));
+        let i = m / k;
+        let first = GEOMETRY_ROWS + 3 * (m % k);
         [at(first, i), at(first + 1, i), at(first + 2, i)]
     };
-    parallel::extend(&mut params.vertices, n, GRAIN, |i| [corner(i, 0), corner(i, 1), corner(i, 2)]);
+    parallel::extend(&mut params.vertices, n, GRAIN, |i| {
+        [corner(i, 0), corner(i, 1), corner(i, 2)]
+    });
     params.opacity.extend_from_slice(&rows[9 * n..10 * n]);
     params.sigma.extend_from_slice(&rows[10 * n..11 * n]);
     parallel::extend(&mut params.sh, n * k, GRAIN, coefficient);
@@ -240,7 +251,8 @@ impl Photos {
     /// Keeps no photo from now on; true when this frees memory.
     pub(super) fn give_up(&mut self) -> bool {
         let any = !self.held.is_empty();
-        (self.bytes, self.most_bytes) = (0, 0);
+        self.bytes = 0;
+        self.most_bytes = 0;
         self.held.clear();
         any
     }
@@ -253,7 +265,13 @@ impl Photos {
         held.map_or_else(|| PhotoSource::Packed(packed(photo)), PhotoSource::Held)
     }
 
-    fn hold(&mut self, gpu: &Gpu, id: PhotoId, photo: &StepPhoto<'_>, bytes: u64) -> Option<Buffer> {
+    fn hold(
+        &mut self,
+        gpu: &Gpu,
+        id: PhotoId,
+        photo: &StepPhoto<'_>,
+        bytes: u64,
+    ) -> Option<Buffer> {
         self.uses += 1;
         if let Some(held) = self.held.get_mut(&id) {
             held.last_use = self.uses;
@@ -285,7 +303,8 @@ fn packed(photo: &StepPhoto<'_>) -> Vec<u32> {
 }
 
 fn packed_pixel<'a>(photo: &StepPhoto<'a>) -> impl Fn(usize) -> u32 + Sync + use<'a> {
-    let (rgb, alpha) = (&photo.pixels.rgb, photo.pixels.alpha.as_deref());
+    let rgb = &photo.pixels.rgb;
+    let alpha = photo.pixels.alpha.as_deref();
     move |i| {
         let [r, g, b] = rgb[i];
         u32::from_le_bytes([r, g, b, alpha.map_or(u8::MAX, |alpha| alpha[i])])
@@ -315,10 +334,13 @@ mod rows_tests {
     fn rows_hold_every_number_once() {
         for degree in 0..=3u8 {
             let rng = Rng::new(5, "rows", 0);
-            let (n, k) = (7, (usize::from(degree) + 1).pow(2));
+            let n = 7;
+            let k = (usize::from(degree) + 1).pow(2);
             let number = |i: usize| rng.uniform(i as u64);
             let params = Params {
-                vertices: (0..n).map(|i| [0, 1, 2].map(|c| Vec3::splat(number(3 * i + c)))).collect(),
+                vertices: (0..n)
+                    .map(|i| [0, 1, 2].map(|c| Vec3::splat(number(3 * i + c))))
+                    .collect(),
                 opacity: (0..n).map(|i| number(100 + i)).collect(),
                 sigma: (0..n).map(|i| number(200 + i)).collect(),
                 sh: (0..n * k).map(|m| [0, 1, 2].map(|c| number(300 + 3 * m + c))).collect(),

@@ -7,7 +7,9 @@ use std::collections::HashMap;
 use trisplat_gpu::readback::elements;
 use trisplat_gpu::{Gpu, Kernel, storage, uniform, workgroups};
 use trisplat_scene::{Error, Result, Rng};
-use wgpu::{BindGroup, BindingResource, Buffer, BufferBinding, CommandEncoder, ComputePass, ComputePipeline};
+use wgpu::{
+    BindGroup, BindingResource, Buffer, BufferBinding, CommandEncoder, ComputePass, ComputePipeline,
+};
 
 /// The number of workgroups of a pass.
 #[derive(Debug, Clone, Copy)]
@@ -63,7 +65,12 @@ impl<'a> Sequence<'a> {
     }
 
     /// Adds a pass; its bindings are in the order of their numbers.
-    pub(super) fn run(&mut self, kernel: &Kernel, spread: Spread, bindings: &[BindingResource<'_>]) {
+    pub(super) fn run(
+        &mut self,
+        kernel: &Kernel,
+        spread: Spread,
+        bindings: &[BindingResource<'_>],
+    ) {
         let [x, y] = match spread {
             Spread::Once => [1, 1],
             Spread::Over(items, each) => workgroups(items.div_ceil(each)),
@@ -79,7 +86,9 @@ impl<'a> Sequence<'a> {
         pass.set_pipeline(kernel.pipeline());
         pass.set_bind_group(0, self.bind_groups.get(self.gpu, kernel, bindings), &[]);
         match spread {
-            Spread::Found(groups) => pass.dispatch_workgroups_indirect(self.groups, groups as u64 * 12),
+            Spread::Found(groups) => {
+                pass.dispatch_workgroups_indirect(self.groups, groups as u64 * 12)
+            }
             _ => pass.dispatch_workgroups(x, y, 1),
         }
     }
@@ -112,8 +121,10 @@ pub(super) struct Sort<'a> {
 impl Ordering<'_> {
     /// An exclusive prefix sum in place.
     pub(super) fn scan(&self, to: &mut Sequence<'_>, length: Count, blocks: Spread, data: &Buffer) {
-        let (passes, sums) = (self.passes, all(self.block_sums));
-        let (job, counts) = (to.job(scan(length)), all(self.counts));
+        let passes = self.passes;
+        let sums = all(self.block_sums);
+        let job = to.job(scan(length));
+        let counts = all(self.counts);
         let bindings = [job.clone(), counts.clone(), all(data), sums.clone()];
         to.run(&passes.scan_reduce, blocks, &bindings);
         to.run(&passes.scan_sums, Spread::Once, &[job, counts, sums]);
@@ -123,9 +134,11 @@ impl Ordering<'_> {
     /// A stable sort by the lowest `digits` of the keys; after an even number of them the result is in the first
     /// buffers.
     pub(super) fn sort(&self, to: &mut Sequence<'_>, sort: &Sort<'_>, digits: u32) {
-        let (histogram, totals) = (self.histogram, self.block_sums);
+        let histogram = self.histogram;
+        let totals = self.block_sums;
         for at in 0..digits {
-            let (from, into) = (at as usize % 2, 1 - at as usize % 2);
+            let from = at as usize % 2;
+            let into = 1 - at as usize % 2;
             let job = to.job(digit(sort.length, at * DIGIT_BITS));
             let counts = all(self.counts);
             let bindings = [job.clone(), counts.clone(), all(&sort.keys[from]), all(histogram)];
@@ -219,7 +232,11 @@ impl Jobs {
     pub(super) fn get(&self, job: Job) -> BindingResource<'_> {
         let at = self.jobs.iter().position(|known| *known == job).unwrap_or_default() as u64;
         let size = std::num::NonZeroU64::new(size_of::<Job>() as u64);
-        BindingResource::Buffer(BufferBinding { buffer: &self.buffer, offset: at * self.stride, size })
+        BindingResource::Buffer(BufferBinding {
+            buffer: &self.buffer,
+            offset: at * self.stride,
+            size,
+        })
     }
 }
 
@@ -295,13 +312,15 @@ fn computed(gpu: &Gpu, passes: &Passes, jobs: &Jobs, numbers: &Numbers) -> Resul
     };
     let empty = |count: u32| buffer(count, &[]);
     let mut lengths = [0; COUNTS];
-    (lengths[Count::Splats1 as usize], lengths[Count::Splats as usize]) = (LENGTH, LENGTH);
+    lengths[Count::Splats1 as usize] = LENGTH;
+    lengths[Count::Splats as usize] = LENGTH;
     let counts = buffer(COUNTS as u32, &lengths)?;
     let sums = buffer(LENGTH, &numbers.sums)?;
     let keys = [buffer(LENGTH, &numbers.keys)?, empty(LENGTH)?];
     let values = [empty(LENGTH)?, empty(LENGTH)?];
     let blocks = LENGTH.div_ceil(GROUP * SORT_ITEMS);
-    let (histogram, block_sums) = (empty(RADIX * blocks)?, empty(RADIX.max(blocks))?);
+    let histogram = empty(RADIX * blocks)?;
+    let block_sums = empty(RADIX.max(blocks))?;
 
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     let mut bind_groups = BindGroups::default();
@@ -313,7 +332,8 @@ fn computed(gpu: &Gpu, passes: &Passes, jobs: &Jobs, numbers: &Numbers) -> Resul
         encoder: &mut encoder,
         pass: None,
     };
-    let ordering = Ordering { passes, counts: &counts, histogram: &histogram, block_sums: &block_sums };
+    let ordering =
+        Ordering { passes, counts: &counts, histogram: &histogram, block_sums: &block_sums };
     let blocks = Spread::Over(LENGTH, GROUP * SORT_ITEMS);
     ordering.scan(&mut sequence, Count::Splats1, blocks, &sums);
     let sort = Sort { length: Count::Splats, blocks, keys: &keys, values: &values };
@@ -339,10 +359,14 @@ mod tests {
         let mut unstable = right.clone();
         let equal = unstable.keys.windows(2).position(|pair| pair[0] == pair[1]).unwrap();
         unstable.places.swap(equal, equal + 1);
-        for (found, wants) in [(stale, "prefix sums"), (unstable, "sorts"), (numbers.clone(), "prefix sums")]
+        for (found, wants) in
+            [(stale, "prefix sums"), (unstable, "sorts"), (numbers.clone(), "prefix sums")]
         {
             let message = judged("Card 9", numbers.fault(&found)).unwrap_err().to_string();
-            assert!(message.contains("Card 9 computes wrong") && message.contains(wants), "{message}");
+            assert!(
+                message.contains("Card 9 computes wrong") && message.contains(wants),
+                "{message}"
+            );
             assert!(message.contains("`backend` cpu"), "{message}");
         }
     }

@@ -293,8 +293,9 @@ mod tests {
             binding_bytes: 10 * slot + 3,
             ..StepCapacity::new(100, 0, UVec2::ONE)
         };
-        let pairs =
-            |size: StepCapacity| (0..SLOT_PARTS).map(|k| size.slot_bytes(k) / slot).collect::<Vec<_>>();
+        let pairs = |size: StepCapacity| {
+            (0..SLOT_PARTS).map(|k| size.slot_bytes(k) / slot).collect::<Vec<_>>()
+        };
         assert_eq!(pairs(size(0)), [0; 4]);
         assert_eq!(pairs(size(25)), [10, 10, 5, 0]);
         // Slots beyond all parts go to the last part, which then cannot be made.

@@ -53,7 +53,8 @@ impl StepPasses<'_> {
     }
 
     fn project(&self, to: &mut Sequence<'_>) {
-        let (buffers, triangles) = (self.buffers, self.scene.shape.triangles);
+        let buffers = self.buffers;
+        let triangles = self.scene.shape.triangles;
         let project = |to: &mut Sequence<'_>, writes| {
             for (at, chunk) in self.scene.chunks.iter().enumerate() {
                 let bindings = [
@@ -104,7 +105,12 @@ impl StepPasses<'_> {
             to.run(&self.passes.bin, Spread::Found(Groups::Splats), &bindings);
         };
         bin(to, COUNT);
-        self.ordering().scan(to, Count::Splats1, Spread::Found(Groups::SplatScan), &buffers.pair_starts);
+        self.ordering().scan(
+            to,
+            Count::Splats1,
+            Spread::Found(Groups::SplatScan),
+            &buffers.pair_starts,
+        );
         self.plan(to, WRITE, &buffers.pair_starts);
         bin(to, WRITE);
     }
@@ -124,8 +130,12 @@ impl StepPasses<'_> {
         };
         self.ordering().sort(to, &sort, tile_digits(self.plan));
         let tiles = self.plan.tiles.element_product();
-        let bindings =
-            [all(self.step), all(self.counts), all(&buffers.tiles[self.sorted()]), all(&buffers.table)];
+        let bindings = [
+            all(self.step),
+            all(self.counts),
+            all(&buffers.tiles[self.sorted()]),
+            all(&buffers.table),
+        ];
         to.run(&self.passes.tile_starts, Spread::Over(tiles + 1, GROUP), &bindings);
     }
 
@@ -173,23 +183,43 @@ impl StepPasses<'_> {
     }
 
     fn loss(&self, to: &mut Sequence<'_>) {
-        let (buffers, passes) = (self.buffers, self.passes);
+        let buffers = self.buffers;
+        let passes = self.passes;
         let tiles = Spread::Tiles(self.plan.tiles);
         let pixels = Spread::Over(self.plan.pixels(), GROUP);
-        to.run(&passes.resolve, pixels, &[all(self.step), all(&buffers.frame), all(&buffers.picture)]);
-        let (picture, photo, maps) = (all(&buffers.picture), all(&buffers.photo), all(&buffers.maps));
-        let ssim = [all(self.step), picture.clone(), photo.clone(), maps.clone(), all(&buffers.partial_sums)];
+        to.run(
+            &passes.resolve,
+            pixels,
+            &[all(self.step), all(&buffers.frame), all(&buffers.picture)],
+        );
+        let picture = all(&buffers.picture);
+        let photo = all(&buffers.photo);
+        let maps = all(&buffers.maps);
+        let ssim = [
+            all(self.step),
+            picture.clone(),
+            photo.clone(),
+            maps.clone(),
+            all(&buffers.partial_sums),
+        ];
         to.run(&passes.loss_ssim, tiles, &ssim);
         let [step, .., partial_sums] = ssim;
-        to.run(&passes.loss_grad, tiles, &[step, picture, photo, maps, partial_sums, all(&buffers.d_frame)]);
+        to.run(
+            &passes.loss_grad,
+            tiles,
+            &[step, picture, photo, maps, partial_sums, all(&buffers.d_frame)],
+        );
         self.sum(to, sum(Count::LossL1, Count::PhotoTiles, 3));
     }
 
     fn geometry(&self, to: &mut Sequence<'_>) {
-        let (buffers, pixels) = (self.buffers, Spread::Over(self.plan.pixels(), GROUP));
-        let maps = [all(self.step), all(&buffers.frame), all(&buffers.geometry), all(&buffers.d_geometry)];
+        let buffers = self.buffers;
+        let pixels = Spread::Over(self.plan.pixels(), GROUP);
+        let maps =
+            [all(self.step), all(&buffers.frame), all(&buffers.geometry), all(&buffers.d_geometry)];
         let [step, frame, geometry, d_geometry] = maps.clone();
-        let bindings = [step, frame, geometry, d_geometry, all(&buffers.slopes), all(&buffers.partial_sums)];
+        let bindings =
+            [step, frame, geometry, d_geometry, all(&buffers.slopes), all(&buffers.partial_sums)];
         to.run(&self.passes.normal_slopes, pixels, &bindings);
         self.sum(to, sum(Count::LossGeometry, Count::FrameGroups, 1));
         let [step, frame, geometry, d_geometry] = maps;
@@ -215,18 +245,24 @@ impl StepPasses<'_> {
 
     fn gather(&self, to: &mut Sequence<'_>) {
         let buffers = self.buffers;
-        let mut bindings =
-            vec![all(self.step), all(self.counts), all(&buffers.order[0]), all(&buffers.pair_starts)];
+        let mut bindings = vec![
+            all(self.step),
+            all(self.counts),
+            all(&buffers.order[0]),
+            all(&buffers.pair_starts),
+        ];
         bindings.extend(buffers.slots.iter().map(all));
         bindings.push(all(&buffers.splat_sums));
         to.run(&self.passes.gather, Spread::Found(Groups::Gather), &bindings);
     }
 
     fn update(&self, to: &mut Sequence<'_>) {
-        let (buffers, scene) = (self.buffers, self.scene);
+        let buffers = self.buffers;
+        let scene = self.scene;
         if self.regularised {
             for (at, chunk) in scene.chunks.iter().enumerate() {
-                let bindings = [all(self.step), scene.part(at, 0), all(&chunk.x), all(&buffers.partial_sums)];
+                let bindings =
+                    [all(self.step), scene.part(at, 0), all(&chunk.x), all(&buffers.partial_sums)];
                 to.run(&self.passes.regularise, Spread::Over(chunk.count, GROUP), &bindings);
             }
             self.sum(to, sum(Count::SumArea, Count::SceneGroups, 1));

@@ -87,7 +87,9 @@ impl StepPlan {
 
     /// Constants of the passes over tiles.
     pub(super) fn constants(&self) -> String {
-        let (window, geometry, vectors) = (self.window(), self.options.geometry, self.slot_numbers() / 2);
+        let window = self.window();
+        let geometry = self.options.geometry;
+        let vectors = self.slot_numbers() / 2;
         format!(
             "const WINDOW: u32 = {window}u;\nconst GEOMETRY: bool = {geometry};\nconst SLOT_VECTORS: u32 = {vectors}u;\n"
         )
@@ -113,7 +115,11 @@ pub(super) struct Look {
 impl Look {
     /// That of a step.
     pub(super) fn of(rates: &StepParams) -> Self {
-        Self { anneal: Some(rates.anneal), frozen_flat: rates.engine_shading, sh_degree: rates.sh_degree }
+        Self {
+            anneal: Some(rates.anneal),
+            frozen_flat: rates.engine_shading,
+            sh_degree: rates.sh_degree,
+        }
     }
 }
 
@@ -129,13 +135,23 @@ pub(super) struct SceneShape {
 }
 
 impl StepUniform {
-    pub(super) fn new(plan: &StepPlan, photo: &StepPhoto<'_>, rates: &StepParams, scene: SceneShape) -> Self {
+    pub(super) fn new(
+        plan: &StepPlan,
+        photo: &StepPhoto<'_>,
+        rates: &StepParams,
+        scene: SceneShape,
+    ) -> Self {
         let rate = |rate: f64| Rate::new(rate, rates.time);
         let flag = |is: bool| f32::from(u8::from(is));
         let drawn = Self::of_picture(plan, &Look::of(rates), scene);
         Self {
             rates: [rates.corners, rates.opacity, rates.sigma, rates.sh].map(|r| rate(r).step),
-            update: [rate(rates.sh_rest).step, rate(1.0).second, flag(rates.sparse), flag(photo.first)],
+            update: [
+                rate(rates.sh_rest).step,
+                rate(1.0).second,
+                flag(rates.sparse),
+                flag(photo.first),
+            ],
             regularisers: regularisers(rates, scene),
             loss: loss(rates, plan),
             ..drawn
@@ -144,7 +160,8 @@ impl StepUniform {
 
     /// For only the passes up to the frame.
     pub(super) fn of_picture(plan: &StepPlan, look: &Look, scene: SceneShape) -> Self {
-        let (options, camera) = (&plan.options, &plan.camera);
+        let options = &plan.options;
+        let camera = &plan.camera;
         let column = |k: usize| camera.rotation.col(k).extend(camera.translation[k]).to_array();
         let width = if let Window::Coverage { width_px } = options.window { width_px } else { 1.0 };
         let decode = |c: f32| if options.linear { linear_from_srgb(c) } else { c };
@@ -153,13 +170,20 @@ impl StepUniform {
         let anneal = look.anneal.unwrap_or(Anneal::NONE);
         let [near, far] = options.depth_range;
         let flag = |is: bool| f32::from(u8::from(is));
-        let (size, [fx, fy], [cx, cy]) = (camera.size, camera.focal.to_array(), camera.center.to_array());
+        let size = camera.size;
+        let [fx, fy] = camera.focal.to_array();
+        let [cx, cy] = camera.center.to_array();
         Self {
             rotation: [0, 1, 2].map(column),
             position: camera.position().extend(options.near).to_array(),
             lens: [fx, fy, cx, cy],
             frame: [size.x, size.y, plan.tiles.x, plan.tiles.y],
-            limits: [options.cutoff, options.cutoff.log2(), options.alpha_cap, options.min_transmittance],
+            limits: [
+                options.cutoff,
+                options.cutoff.log2(),
+                options.alpha_cap,
+                options.min_transmittance,
+            ],
             edges: [options.fade_px, options.ratio_least, width, flag(options.linear)],
             modes: [
                 plan.window(),
@@ -198,7 +222,8 @@ fn regularisers(rates: &StepParams, scene: SceneShape) -> [f32; 4] {
 
 /// Weights of the means over the pixels.
 fn loss(rates: &StepParams, plan: &StepPlan) -> [f32; 4] {
-    let (values, pixels) = (3.0 * f64::from(plan.pixels()), f64::from(plan.pixels()).max(1.0));
+    let values = 3.0 * f64::from(plan.pixels());
+    let pixels = f64::from(plan.pixels()).max(1.0);
     [
         (1.0 - rates.dssim) / values,
         -rates.dssim / values,

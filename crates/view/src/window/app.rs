@@ -13,7 +13,9 @@ use std::time::{Duration, Instant};
 use trisplat_scene::{Error, Result};
 use winit::application::ApplicationHandler;
 use winit::error::EventLoopError;
-use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, WindowEvent};
+use winit::event::{
+    ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, WindowEvent,
+};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
 use winit::keyboard::{KeyCode, PhysicalKey};
 use winit::window::WindowId;
@@ -33,15 +35,18 @@ pub fn open(options: WindowOptions, files: SceneFiles, loader: SceneLoader) -> R
     };
     let events = EventLoop::<SceneMessage>::with_user_event().build().map_err(|e| no_window(&e))?;
     let proxy = events.create_proxy();
-    let mut app = App { options, files, loader, proxy, window: None, failure: None, mouse: Mouse::default() };
+    let mut app =
+        App { options, files, loader, proxy, window: None, failure: None, mouse: Mouse::default() };
     events.run_app(&mut app).map_err(|e| no_window(&e))?;
     app.failure.map_or(Ok(()), Err)
 }
 
 /// The message of the windowing library, without the file and line of its source.
 fn without_place(said: &str) -> &str {
-    let reason =
-        said.split_once(".rs:").and_then(|(_, place)| place.split_once(": ")).map_or(said, |(_, why)| why);
+    let reason = said
+        .split_once(".rs:")
+        .and_then(|(_, place)| place.split_once(": "))
+        .map_or(said, |(_, why)| why);
     reason.trim_end_matches('.')
 }
 
@@ -78,7 +83,12 @@ impl ApplicationHandler<SceneMessage> for App {
         match Screen::open(events, &self.options, self.files.title()) {
             Ok(screen) => {
                 let sender = MessageSender { proxy: self.proxy.clone(), scene: 0 };
-                sender.load(screen.gpu.clone(), screen.groups(), self.loader.clone(), self.files.clone());
+                sender.load(
+                    screen.gpu.clone(),
+                    screen.groups(),
+                    self.loader.clone(),
+                    self.files.clone(),
+                );
                 let session = Session::new(screen.gpu.describe(), self.files.clone());
                 screen.window.request_redraw();
                 self.window = Some((screen, session));
@@ -110,7 +120,11 @@ impl ApplicationHandler<SceneMessage> for App {
         }
     }
 
-    fn user_event(&mut self, events: &ActiveEventLoop, SceneMessage { scene, message }: SceneMessage) {
+    fn user_event(
+        &mut self,
+        events: &ActiveEventLoop,
+        SceneMessage { scene, message }: SceneMessage,
+    ) {
         let Some((screen, session)) = &mut self.window else { return };
         screen.window.request_redraw();
         let context = screen.input.egui_ctx().clone();
@@ -136,11 +150,13 @@ impl ApplicationHandler<SceneMessage> for App {
             }
             Message::Soft(camera, picture) => {
                 let texture = session::texture(&context, "soft", &picture);
-                (session.soft, session.soft_is_old) = (Some((camera, texture, picture)), false);
+                session.soft = Some((camera, texture, picture));
+                session.soft_is_old = false;
             }
             Message::Rested => session.drawing_soft = false,
             Message::Cropped(Ok(model)) => {
-                (session.cropped, session.cropping) = (Some(Arc::from(model)), false);
+                session.cropped = Some(Arc::from(model));
+                session.cropping = false;
             }
             Message::SavedCrop(Ok(what)) => session.notify(what),
             Message::Saved(Ok(path)) => session.notify(format!("saved {}", path.display())),
@@ -186,8 +202,9 @@ impl App {
         let Some((screen, session)) = &mut self.window else { return };
         screen.window.request_redraw();
         if session.loading.is_some() {
-            return session
-                .notify("another file is being loaded: drop this one again when it is shown".into());
+            return session.notify(
+                "another file is being loaded: drop this one again when it is shown".into(),
+            );
         }
         let scene = session.next_number();
         session.loading = Some(scene);
@@ -265,9 +282,12 @@ impl App {
             && !session.cropping
             && session.cropped_to != region
         {
-            let (gpu, groups) = (screen.gpu.clone(), screen.groups());
-            let (asset, placement) = (shown.scene.asset.clone(), shown.scene.placement);
-            (session.cropped_to, session.cropping) = (region, true);
+            let gpu = screen.gpu.clone();
+            let groups = screen.groups();
+            let asset = shown.scene.asset.clone();
+            let placement = shown.scene.placement;
+            session.cropped_to = region;
+            session.cropping = true;
             let part = move || scene::cropped(&gpu, &groups, &asset, &placement, &wanted);
             sender.spawn(move || Message::Cropped(part().map(Box::new)));
         }
@@ -286,7 +306,9 @@ impl App {
         screen.window.request_redraw();
         match event.state {
             ElementState::Released => drop(session.keys.remove(&code)),
-            ElementState::Pressed if !typed && session.keys.insert(code) => self.press(events, code),
+            ElementState::Pressed if !typed && session.keys.insert(code) => {
+                self.press(events, code)
+            }
             ElementState::Pressed => {}
         }
     }
@@ -303,8 +325,8 @@ impl App {
             KeyCode::KeyH => settings.no_panel = !settings.no_panel,
             KeyCode::Digit3 => settings.wireframe = !settings.wireframe,
             KeyCode::Digit4 => {
-                settings.soft =
-                    !settings.soft && session.shown.as_ref().is_some_and(|s| s.scene.source.is_some())
+                settings.soft = !settings.soft
+                    && session.shown.as_ref().is_some_and(|s| s.scene.source.is_some())
             }
             KeyCode::KeyX => {
                 if let Some(shown) = &mut session.shown {

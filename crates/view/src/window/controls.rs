@@ -64,7 +64,8 @@ impl CameraControls {
         let finite = radius.is_finite() && radius > 0.0;
         self.extent = if finite { radius } else { 1.0 };
         let target = if finite { (0.5 * (min + max)).as_vec3() } else { Vec3::ZERO };
-        self.intrinsics = Camera::look_at(Vec3::ZERO, Vec3::Z, self.up, FIELD_OF_VIEW, UVec2::splat(1000));
+        self.intrinsics =
+            Camera::look_at(Vec3::ZERO, Vec3::Z, self.up, FIELD_OF_VIEW, UVec2::splat(1000));
         self.pivot_distance = self.extent / (FIELD_OF_VIEW / 2.0).sin();
         self.position = target - self.forward() * self.pivot_distance;
     }
@@ -106,7 +107,8 @@ impl CameraControls {
         let camera = Camera { rotation: self.rotation, translation, ..self.intrinsics };
         let origin = DVec3::from(from.center);
         let camera = placed::to_file(&placed::to_world(&camera, from, origin), to, origin);
-        (self.rotation, self.position) = (camera.rotation, camera.position());
+        self.rotation = camera.rotation;
+        self.position = camera.position();
         let scale = (to.scale / from.scale) as f32;
         (self.pivot_distance, self.extent) = (scale * self.pivot_distance, scale * self.extent);
     }
@@ -133,8 +135,8 @@ impl CameraControls {
 
     /// The part of the window for the picture.
     pub(super) fn picture(&self, pane: Pane) -> Pane {
-        let size =
-            self.intrinsics.size.as_vec2() * (pane.size / self.intrinsics.size.as_vec2()).min_element();
+        let size = self.intrinsics.size.as_vec2()
+            * (pane.size / self.intrinsics.size.as_vec2()).min_element();
         Pane { min: pane.min + 0.5 * (pane.size - size), size }
     }
 
@@ -185,9 +187,11 @@ impl CameraControls {
         let level = forward.cross(self.up).try_normalize().unwrap_or(self.right());
         let roll = f32::atan2(self.right().dot(forward.cross(level)), self.right().dot(level));
         let elevation = forward.dot(self.up).clamp(-1.0, 1.0).asin();
-        let rise = (elevation + DRAG_ANGLE * drag.y).clamp(POLE_MARGIN - FRAC_PI_2, FRAC_PI_2 - POLE_MARGIN)
+        let rise = (elevation + DRAG_ANGLE * drag.y)
+            .clamp(POLE_MARGIN - FRAC_PI_2, FRAC_PI_2 - POLE_MARGIN)
             - elevation;
-        let turned = Quat::from_axis_angle(self.up, DRAG_ANGLE * drag.x) * Quat::from_axis_angle(level, rise);
+        let turned = Quat::from_axis_angle(self.up, DRAG_ANGLE * drag.x)
+            * Quat::from_axis_angle(level, rise);
         // Many small turns would add up their rounding errors.
         let forward = (turned * forward).normalize();
         let rolled = Quat::from_axis_angle(forward, roll * (-drag.length() / LEVEL_DRAG).exp());
@@ -278,7 +282,8 @@ mod tests {
 
     #[test]
     fn framing_the_subject_stays_inside_the_shell() {
-        let (target, radius) = (Vec3::new(1.0, 2.0, 3.0), 0.5);
+        let target = Vec3::new(1.0, 2.0, 3.0);
+        let radius = 0.5;
         for room in [f32::INFINITY, 4.0, 1.0, 0.6] {
             let mut controls = CameraControls::new(&BOX, Vec3::Y);
             controls.frame_ball(target, radius, room);
@@ -349,8 +354,11 @@ mod tests {
         let level = CameraControls::new(&BOX, Vec3::Y).camera(SIZE, PANE);
         for degrees in [-90.0f32, -20.0, 0.0, 35.0, 180.0] {
             let roll = Mat3::from_rotation_z(degrees.to_radians());
-            let photo =
-                Camera { rotation: roll * level.rotation, translation: roll * level.translation, ..level };
+            let photo = Camera {
+                rotation: roll * level.rotation,
+                translation: roll * level.translation,
+                ..level
+            };
             let mut controls = CameraControls::new(&BOX, Vec3::Y);
             controls.move_to(&photo);
             let shown = controls.camera(SIZE, PANE).rotation;
@@ -360,7 +368,10 @@ mod tests {
             assert!(shown.abs_diff_eq(photo.rotation, 0.06), "nothing jumps, {degrees}: {shown}");
             (0..40).for_each(|_| controls.orbit(Vec2::new(0.01, 0.002)));
             let shown = controls.camera(SIZE, PANE).rotation;
-            assert!((shown * Vec3::Y).x.abs() < 0.01 && (shown * Vec3::Y).y < 0.0, "{degrees}: {shown}");
+            assert!(
+                (shown * Vec3::Y).x.abs() < 0.01 && (shown * Vec3::Y).y < 0.0,
+                "{degrees}: {shown}"
+            );
             assert!((shown.determinant() - 1.0).abs() < 1e-5);
         }
     }
@@ -368,7 +379,8 @@ mod tests {
     #[test]
     fn dragging_to_the_right_shows_what_was_on_the_left() {
         let mut controls = CameraControls::new(&BOX, Vec3::Y);
-        let (before, point) = (controls.camera(SIZE, PANE), BOX[0]);
+        let before = controls.camera(SIZE, PANE);
+        let point = BOX[0];
         controls.orbit(Vec2::new(0.01, 0.0));
         let near = controls.position + (0.5 * (BOX[0] + BOX[1]) - controls.position) * 0.5;
         let moved = pixel(&controls.camera(SIZE, PANE), near).x - pixel(&before, near).x;
@@ -410,15 +422,26 @@ mod tests {
         let mut controls = CameraControls::new(&BOX, Vec3::Y);
         controls.orbit(Vec2::new(0.2, 0.1));
         let pane = Pane { min: Vec2::ZERO, size: SIZE.as_vec2() };
-        let (before, pivot) = (controls.camera(SIZE, pane), controls.pivot());
+        let before = controls.camera(SIZE, pane);
+        let pivot = controls.pivot();
         let from = Placement { center: [1e6, 2.0, 3.0], ..Placement::IDENTITY };
-        let to = Placement { scale: 2.0, rotate: 30.0, center: [1e6 + 5.0, 1.0, 0.0], ..Placement::IDENTITY };
+        let to = Placement {
+            scale: 2.0,
+            rotate: 30.0,
+            center: [1e6 + 5.0, 1.0, 0.0],
+            ..Placement::IDENTITY
+        };
         controls.change_frame(&from, &to);
-        let moved =
-            |p: Vec3| (to.rotation() * to.scale * (from.to_world_f64(p) - DVec3::from(to.center))).as_vec3();
+        let moved = |p: Vec3| {
+            (to.rotation() * to.scale * (from.to_world_f64(p) - DVec3::from(to.center))).as_vec3()
+        };
         for point in [Vec3::ZERO, Vec3::new(0.3, -0.2, 0.5)] {
             let after = pixel(&controls.camera(SIZE, pane), moved(point));
-            assert!(after.distance(pixel(&before, point)) < 1e-2, "{after} {}", pixel(&before, point));
+            assert!(
+                after.distance(pixel(&before, point)) < 1e-2,
+                "{after} {}",
+                pixel(&before, point)
+            );
         }
         assert!(controls.pivot().distance(moved(pivot)) < 1e-3);
     }

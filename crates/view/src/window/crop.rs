@@ -43,14 +43,16 @@ impl CropEditor {
     /// Moves it to a point of the file, without changing its size.
     pub(super) fn move_to(&mut self, center: DVec3) {
         let half = (self.high - self.low) / 2.0;
-        (self.low, self.high) = (center - half, center + half);
+        self.low = center - half;
+        self.high = center + half;
         self.round();
     }
 
     /// Numbers of a few digits, because people read and type them.
     fn round(&mut self) {
         let step = 10f64.powf((self.size() * 1e-3).log10().floor());
-        let nearest = |x: f64| if step > 0.0 && step.is_finite() { (x / step).round() * step } else { x };
+        let nearest =
+            |x: f64| if step > 0.0 && step.is_finite() { (x / step).round() * step } else { x };
         // Rounds to the shortest decimal text.
         let short = |x: f64| format!("{:.9}", nearest(x)).parse().unwrap_or(x);
         for vector in [&mut self.low, &mut self.high] {
@@ -65,11 +67,13 @@ impl CropEditor {
     /// Its edges, in the coordinates of the file.
     pub(super) fn lines(&self) -> Vec<[DVec3; 2]> {
         let corner = |i: usize| {
-            let pick = |axis: usize| if i >> axis & 1 == 0 { self.low[axis] } else { self.high[axis] };
+            let pick =
+                |axis: usize| if i >> axis & 1 == 0 { self.low[axis] } else { self.high[axis] };
             DVec3::new(pick(0), pick(1), pick(2))
         };
-        let from =
-            |i: usize| (0..3).filter(move |axis| i >> axis & 1 == 0).map(move |axis| [i, i | 1 << axis]);
+        let from = |i: usize| {
+            (0..3).filter(move |axis| i >> axis & 1 == 0).map(move |axis| [i, i | 1 << axis])
+        };
         (0..8).flat_map(from).map(|ends| ends.map(corner)).collect()
     }
 
@@ -83,7 +87,8 @@ impl CropEditor {
         for (axis, name) in ["x", "y", "z"].iter().enumerate() {
             ui.horizontal_wrapped(|ui| {
                 ui.label(*name);
-                let (low, high) = (self.low[axis], self.high[axis]);
+                let low = self.low[axis];
+                let high = self.high[axis];
                 ui.add(number(&mut self.low[axis], size).range(f64::MIN..=high));
                 ui.label("to");
                 ui.add(number(&mut self.high[axis], size).range(low..=f64::MAX));
@@ -91,7 +96,10 @@ impl CropEditor {
         }
         let clicks = [("move here", CropClick::Here), ("save", CropClick::Save)];
         ui.horizontal_wrapped(|ui| {
-            clicks.into_iter().filter_map(|(name, click)| ui.button(name).clicked().then_some(click)).last()
+            clicks
+                .into_iter()
+                .filter_map(|(name, click)| ui.button(name).clicked().then_some(click))
+                .last()
         })
         .inner
     }
@@ -121,7 +129,8 @@ mod tests {
 
     #[test]
     fn it_moves_as_large_as_it_is_and_its_numbers_are_short() {
-        let mut editor = CropEditor { on: true, ..CropEditor::around(&BOUNDS, |p| p.as_dvec3() / 3.0) };
+        let mut editor =
+            CropEditor { on: true, ..CropEditor::around(&BOUNDS, |p| p.as_dvec3() / 3.0) };
         editor.move_to(DVec3::new(0.123_456_78, -2.0, 1.0 / 3.0));
         let Some(Region::Box(low, high)) = editor.region() else { panic!("it is a box") };
         assert!(((high[0] - low[0]) - 4.0 / 3.0).abs() < 0.01);

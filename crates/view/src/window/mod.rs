@@ -18,4 +18,6 @@ mod screen;
 mod session;
 
 pub use app::open;
-pub use scene::{SceneChange, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene};
+pub use scene::{
+    SceneChange, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene,
+};

@@ -29,7 +29,10 @@ F12: screenshot; H: hide this panel; Esc: quit";
 pub(super) fn draw(ui: &mut Ui, session: &mut Session) {
     let scale = ui.ctx().pixels_per_point();
     if !session.settings.no_panel {
-        egui::Panel::left("panel").exact_size(WIDTH).resizable(false).show(ui, |ui| side(ui, session));
+        egui::Panel::left("panel")
+            .exact_size(WIDTH)
+            .resizable(false)
+            .show(ui, |ui| side(ui, session));
     }
     let free = ui.available_rect_before_wrap();
     let pane = Pane {
@@ -45,7 +48,8 @@ pub(super) fn draw(ui: &mut Ui, session: &mut Session) {
     }
     if let Some((note, _)) = &session.note {
         let at = Pos2::new(free.center().x, free.max.y - 24.0);
-        let text = painter.layout_no_wrap(note.clone(), egui::FontId::proportional(16.0), Color32::WHITE);
+        let text =
+            painter.layout_no_wrap(note.clone(), egui::FontId::proportional(16.0), Color32::WHITE);
         let area = egui::Align2::CENTER_CENTER.anchor_size(at, text.size());
         painter.rect_filled(area.expand(6.0), 4.0, Color32::from_black_alpha(200));
         painter.galley(area.min, text, Color32::WHITE);
@@ -68,7 +72,8 @@ fn figures(ui: &mut Ui, session: &Session) {
     let fps = session.meter.fps().map_or("at rest".to_owned(), |fps| format!("{fps:.0} FPS"));
     ui.strong(fps);
     if let Some(shown) = &session.shown {
-        let (drawn, all) = (session.drawn.triangles, shown.model.triangles());
+        let drawn = session.drawn.triangles;
+        let all = shown.model.triangles();
         ui.label(format!("{} of {} triangles drawn", HumanCount(drawn), HumanCount(all)));
     }
     if let Some(status) = &session.status {
@@ -100,8 +105,10 @@ fn photos(ui: &mut Ui, session: &mut Session) {
         return;
     }
     ui.separator();
-    let name =
-        session.current.and_then(|i| shown.scene.photos.get(i)).map_or("free view", |p| p.name.as_str());
+    let name = session
+        .current
+        .and_then(|i| shown.scene.photos.get(i))
+        .map_or("free view", |p| p.name.as_str());
     let place = session.current.map_or("–".to_owned(), |i| (i + 1).to_string());
     ui.label(format!("{name} ({place} of {})", shown.scene.photos.len()));
     let mut step = 0;
@@ -136,7 +143,12 @@ fn photo(painter: &egui::Painter, session: &Session, pane: Pane, scale: f32) {
         PhotoPlacement::Off => {}
         PhotoPlacement::Over => {
             let tint = Color32::WHITE.gamma_multiply(PHOTO_OPACITY);
-            painter.image(photo.id(), rect(session.controls.picture(session.pane), scale), EVERYTHING, tint);
+            painter.image(
+                photo.id(),
+                rect(session.controls.picture(session.pane), scale),
+                EVERYTHING,
+                tint,
+            );
         }
         PhotoPlacement::Beside => {
             let half = Vec2::new(0.5 * pane.size.x, 0.0);
@@ -166,7 +178,14 @@ fn region(painter: &egui::Painter, session: &Session, scale: f32) {
 }
 
 /// A line of the world, clipped at the near plane.
-fn line(painter: &egui::Painter, camera: &Camera, near: f32, ends: [Vec3; 2], stroke: Stroke, scale: f32) {
+fn line(
+    painter: &egui::Painter,
+    camera: &Camera,
+    near: f32,
+    ends: [Vec3; 2],
+    stroke: Stroke,
+    scale: f32,
+) {
     let [a, b] = ends.map(|p| camera.rotation * p + camera.translation);
     if a.z.max(b.z) <= near {
         return;
@@ -182,6 +201,7 @@ fn line(painter: &egui::Painter, camera: &Camera, near: f32, ends: [Vec3; 2], st
 }
 
 fn rect(pane: Pane, scale: f32) -> Rect {
-    let (min, size) = (pane.min / scale, pane.size / scale);
+    let min = pane.min / scale;
+    let size = pane.size / scale;
     Rect::from_min_size(Pos2::new(min.x, min.y), egui::vec2(size.x, size.y))
 }

@@ -63,7 +63,8 @@ impl SceneFiles {
     /// The files to open when `path` is dropped on the window: a folder or a `.json` is a data set of the
     /// same scene, any other file is another scene.
     pub fn with_dropped(&self, path: &Path) -> Self {
-        let is_dataset = path.is_dir() || path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
+        let is_dataset =
+            path.is_dir() || path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
         match is_dataset {
             true => Self { dataset: Some(path.to_owned()), ..self.clone() },
             false => Self { file: path.to_owned(), dataset: None },
@@ -169,7 +170,9 @@ impl ShownScene {
     /// The photo taken nearest to the first viewpoint; the first one when there is none.
     pub(super) fn first_photo(&self) -> Option<usize> {
         let eye = self.viewpoint.map(|(viewpoint, _)| glam::DVec3::from(viewpoint.eye).as_vec3());
-        let away = |i: &usize| eye.map_or(0.0, |eye| self.scene.photos[*i].camera.position().distance(eye));
+        let away = |i: &usize| {
+            eye.map_or(0.0, |eye| self.scene.photos[*i].camera.position().distance(eye))
+        };
         (0..self.scene.photos.len()).min_by(|a, b| away(a).total_cmp(&away(b)))
     }
 }
@@ -233,7 +236,9 @@ impl MessageSender {
         self.spawn(move || {
             loop {
                 let changed = match follow() {
-                    Ok(SceneChange::Changed(scene)) => uploaded(&gpu, &groups, files.clone(), *scene),
+                    Ok(SceneChange::Changed(scene)) => {
+                        uploaded(&gpu, &groups, files.clone(), *scene)
+                    }
                     Ok(SceneChange::Final(what)) => return Message::Final(Some(what)),
                     Ok(SceneChange::Gone) => return Message::Final(None),
                     Err(error) => Err(error),
@@ -267,7 +272,8 @@ pub(super) fn cropped(
     placement: &Placement,
     region: &Region,
 ) -> Result<Model> {
-    let inside = |face: &u32| region.holds(placement.to_world_f64(asset.mesh.centroid(*face as usize)), &[]);
+    let inside =
+        |face: &u32| region.holds(placement.to_world_f64(asset.mesh.centroid(*face as usize)), &[]);
     let mut mesh = asset.mesh.clone();
     mesh.select(&(0..mesh.face_count() as u32).filter(inside).collect::<Vec<_>>());
     Model::upload(gpu, groups, &Asset::from(mesh))
@@ -302,9 +308,11 @@ pub(super) fn draw_screenshot(gpu: &Gpu, model: &Model, params: &FrameParams) ->
 /// Saves a picture under the first free name of trisplat-0001.png, trisplat-0002.png, …
 pub(super) fn save(folder: &Path, picture: &RgbImage) -> Result<PathBuf> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    let free = (1..10_000).map(|i| folder.join(format!("trisplat-{i:04}.png"))).find(|p| !p.exists());
-    let path = free
-        .ok_or_else(|| Error::invalid("screenshots", folder.display(), "a folder with fewer screenshots"))?;
+    let free =
+        (1..10_000).map(|i| folder.join(format!("trisplat-{i:04}.png"))).find(|p| !p.exists());
+    let path = free.ok_or_else(|| {
+        Error::invalid("screenshots", folder.display(), "a folder with fewer screenshots")
+    })?;
     picture.save_png(&path)?;
     Ok(path)
 }

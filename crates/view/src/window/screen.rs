@@ -28,10 +28,15 @@ pub(super) struct Screen {
 
 impl Screen {
     /// Opens a window. Errors: no window, or no card that can draw in it.
-    pub(super) fn open(events: &ActiveEventLoop, options: &WindowOptions, title: String) -> Result<Self> {
+    pub(super) fn open(
+        events: &ActiveEventLoop,
+        options: &WindowOptions,
+        title: String,
+    ) -> Result<Self> {
         let size = winit::dpi::PhysicalSize::new(options.size.x, options.size.y);
         let attributes = WindowAttributes::default().with_title(title).with_inner_size(size);
-        let no_window = |e: &dyn std::fmt::Display| Error::Gpu(format!("no window can be opened: {e}"));
+        let no_window =
+            |e: &dyn std::fmt::Display| Error::Gpu(format!("no window can be opened: {e}"));
         let window = Arc::new(events.create_window(attributes).map_err(|e| no_window(&e))?);
         let instance = options.adapter.instance(Some(Box::new(events.owned_display_handle())));
         let surface = instance.create_surface(window.clone()).map_err(|e| no_window(&e))?;
@@ -40,8 +45,12 @@ impl Screen {
         let config = configuration(&surface, &adapter, &window, options.vsync)?;
         surface.configure(&gpu.device, &config);
         gpu.check()?;
-        let attachments =
-            Attachments::new(&gpu, UVec2::new(config.width, config.height), config.format, options.msaa)?;
+        let attachments = Attachments::new(
+            &gpu,
+            UVec2::new(config.width, config.height),
+            config.format,
+            options.msaa,
+        )?;
         let context = egui::Context::default();
         let limit = gpu.device.limits().max_texture_dimension_2d as usize;
         let input = egui_winit::State::new(
@@ -52,8 +61,11 @@ impl Screen {
             None,
             Some(limit),
         );
-        let panel =
-            egui_wgpu::Renderer::new(&gpu.device, config.format, egui_wgpu::RendererOptions::default());
+        let panel = egui_wgpu::Renderer::new(
+            &gpu.device,
+            config.format,
+            egui_wgpu::RendererOptions::default(),
+        );
         let renderer = Renderer::new(&gpu)?;
         Ok(Self {
             window,
@@ -79,10 +91,12 @@ impl Screen {
             return Ok(()); // minimised
         }
         let limit = self.gpu.device.limits().max_texture_dimension_2d;
-        (self.config.width, self.config.height) = (size.x.min(limit), size.y.min(limit));
+        self.config.width = size.x.min(limit);
+        self.config.height = size.y.min(limit);
         self.surface.configure(&self.gpu.device, &self.config);
         let size = UVec2::new(self.config.width, self.config.height);
-        self.attachments = Attachments::new(&self.gpu, size, self.config.format, self.options.msaa)?;
+        self.attachments =
+            Attachments::new(&self.gpu, size, self.config.format, self.options.msaa)?;
         self.gpu.check()
     }
 
@@ -95,9 +109,12 @@ impl Screen {
             }
         }
         let unused = std::mem::take(&mut output.textures_delta.free);
-        let again = output.viewport_output.values().map(|v| v.repaint_delay).min().unwrap_or(Duration::MAX);
+        let again =
+            output.viewport_output.values().map(|v| v.repaint_delay).min().unwrap_or(Duration::MAX);
         let frame = match self.surface.get_current_texture() {
-            CurrentSurfaceTexture::Success(frame) | CurrentSurfaceTexture::Suboptimal(frame) => Some(frame),
+            CurrentSurfaceTexture::Success(frame) | CurrentSurfaceTexture::Suboptimal(frame) => {
+                Some(frame)
+            }
             CurrentSurfaceTexture::Outdated | CurrentSurfaceTexture::Lost => {
                 self.surface.configure(&self.gpu.device, &self.config);
                 self.window.request_redraw();
@@ -112,7 +129,8 @@ impl Screen {
         };
         if let Some(frame) = frame {
             let view = frame.texture.create_view(&TextureViewDescriptor::default());
-            let mut encoder = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
+            let mut encoder =
+                self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
             self.draw_scene(&mut encoder, &view, session)?;
             let shapes = std::mem::take(&mut output.shapes);
             let more = self.draw_panel(&mut encoder, &view, shapes, output.pixels_per_point);

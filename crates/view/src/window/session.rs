@@ -124,9 +124,13 @@ impl Session {
             loaded.crop = before.crop;
         }
         self.files = loaded.files.clone();
-        (self.photo, self.soft, self.current, self.note) = (None, None, None, None);
+        self.photo = None;
+        self.soft = None;
+        self.current = None;
+        self.note = None;
         self.controls = CameraControls::new(&loaded.bounds, loaded.scene.up);
-        let (viewpoint, nearest) = (loaded.viewpoint, loaded.first_photo());
+        let viewpoint = loaded.viewpoint;
+        let nearest = loaded.first_photo();
         self.put(loaded);
         if let Some(nearest) = nearest {
             self.jump(nearest);
@@ -149,8 +153,12 @@ impl Session {
 
     /// Shows a scene or a state of it, and forgets the work on the one before.
     fn put(&mut self, mut shown: Box<ShownScene>) {
-        (self.cropped, self.cropped_to, self.cropping) = (None, None, false);
-        (self.decoding, self.drawing_soft, self.status) = (None, false, shown.scene.status.take());
+        self.cropped = None;
+        self.cropped_to = None;
+        self.cropping = false;
+        self.decoding = None;
+        self.drawing_soft = false;
+        self.status = shown.scene.status.take();
         shown.viewpoint.iter().for_each(|(viewpoint, _)| self.controls.stay_within(viewpoint));
         self.shown = Some(shown);
     }
@@ -196,7 +204,9 @@ impl Session {
 
     /// Takes the camera of photo `index`.
     pub(super) fn jump(&mut self, index: usize) {
-        let Some(photo) = self.shown.as_ref().and_then(|s| s.scene.photos.get(index)) else { return };
+        let Some(photo) = self.shown.as_ref().and_then(|s| s.scene.photos.get(index)) else {
+            return;
+        };
         self.controls.move_to(&photo.camera);
         if let Some((viewpoint, _)) = self.shown.as_ref().and_then(|shown| shown.viewpoint) {
             self.controls.orbit_at_depth_of(glam::DVec3::from(viewpoint.target).as_vec3());
@@ -221,7 +231,8 @@ impl Session {
                 let at = |p: glam::DVec3| shown.scene.placement.to_file(p.as_vec3());
                 bounds(ends.map(at)).unwrap_or_default()
             };
-            let subject = shown.viewpoint.and_then(|(v, room)| Some((v.target, v.radius? as f32, room)));
+            let subject =
+                shown.viewpoint.and_then(|(v, room)| Some((v.target, v.radius? as f32, room)));
             match subject.filter(|_| !shown.crop.on) {
                 Some((target, radius, room)) => {
                     self.controls.frame_ball(glam::DVec3::from(target).as_vec3(), radius, room);
@@ -243,7 +254,8 @@ impl Session {
 
     /// How a picture of `size` is drawn.
     pub(super) fn frame_params(&self, size: UVec2, window: &WindowOptions) -> FrameParams {
-        let (camera, near) = (self.controls.camera(size, self.pane), self.controls.near());
+        let camera = self.controls.camera(size, self.pane);
+        let near = self.controls.near();
         let WindowOptions { background, msaa, .. } = *window;
         FrameParams { camera, near, background, wireframe: self.settings.wireframe, msaa }
     }

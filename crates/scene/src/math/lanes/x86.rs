@@ -134,8 +134,10 @@ impl Real for Avx512 {
         // SAFETY: see the top of this section.
         unsafe {
             let bits = _mm512_castps_si512(self.0);
-            let exponent = _mm512_srai_epi32::<23>(_mm512_sub_epi32(bits, _mm512_set1_epi32(SQRT_HALF_BITS)));
-            let mantissa = _mm512_castsi512_ps(_mm512_sub_epi32(bits, _mm512_slli_epi32::<23>(exponent)));
+            let exponent =
+                _mm512_srai_epi32::<23>(_mm512_sub_epi32(bits, _mm512_set1_epi32(SQRT_HALF_BITS)));
+            let mantissa =
+                _mm512_castsi512_ps(_mm512_sub_epi32(bits, _mm512_slli_epi32::<23>(exponent)));
             let t = Self(mantissa) - Self::splat(1.0);
             horner(&LOG2, t).mul_add(t, Self(_mm512_cvtepi32_ps(exponent)))
         }
@@ -236,19 +238,28 @@ unsafe fn sums512(v: &[Avx512; LANES]) -> [f32; LANES] {
         // Halves of 256 bits: a of eight holds v[i] low and v[i + 8] high.
         let mut a = [z; 8];
         for i in 0..8 {
-            let (p, q) = (v[i].0, v[i + 8].0);
-            a[i] = _mm512_add_ps(_mm512_shuffle_f32x4::<0x44>(p, q), _mm512_shuffle_f32x4::<0xee>(p, q));
+            let p = v[i].0;
+            let q = v[i + 8].0;
+            a[i] = _mm512_add_ps(
+                _mm512_shuffle_f32x4::<0x44>(p, q),
+                _mm512_shuffle_f32x4::<0xee>(p, q),
+            );
         }
         // Quarters of 128 bits: b[i] holds v[i], v[i + 4], v[i + 8], v[i + 12].
         let mut b = [z; 4];
         for i in 0..4 {
-            let (p, q) = (a[i], a[i + 4]);
-            b[i] = _mm512_add_ps(_mm512_shuffle_f32x4::<0x88>(p, q), _mm512_shuffle_f32x4::<0xdd>(p, q));
+            let p = a[i];
+            let q = a[i + 4];
+            b[i] = _mm512_add_ps(
+                _mm512_shuffle_f32x4::<0x88>(p, q),
+                _mm512_shuffle_f32x4::<0xdd>(p, q),
+            );
         }
         // b[i] quarters: v[i], v[i + 8], v[i + 4], v[i + 12].
         let mut c = [z; 2];
         for i in 0..2 {
-            let (p, q) = (b[i], b[i + 2]);
+            let p = b[i];
+            let q = b[i + 2];
             c[i] = _mm512_add_ps(_mm512_unpacklo_ps(p, q), _mm512_unpackhi_ps(p, q));
         }
         let d = _mm512_add_ps(_mm512_unpacklo_ps(c[0], c[1]), _mm512_unpackhi_ps(c[0], c[1]));
@@ -333,7 +344,8 @@ impl Real for Avx2 {
     fn log2(self) -> Self {
         let exponent = halves!(self, |x| {
             let bits = _mm256_castps_si256(x);
-            let e = _mm256_srai_epi32::<23>(_mm256_sub_epi32(bits, _mm256_set1_epi32(SQRT_HALF_BITS)));
+            let e =
+                _mm256_srai_epi32::<23>(_mm256_sub_epi32(bits, _mm256_set1_epi32(SQRT_HALF_BITS)));
             _mm256_cvtepi32_ps(e)
         });
         let (a, b) = halves!(self, exponent, |x, e| {
@@ -362,7 +374,9 @@ impl Real for Avx2 {
     #[inline(always)]
     fn select(mask: Mask2, yes: Self, no: Self) -> Self {
         // SAFETY: see the top of this section.
-        unsafe { Self(_mm256_blendv_ps(no.0, yes.0, mask.0), _mm256_blendv_ps(no.1, yes.1, mask.1)) }
+        unsafe {
+            Self(_mm256_blendv_ps(no.0, yes.0, mask.0), _mm256_blendv_ps(no.1, yes.1, mask.1))
+        }
     }
 }
 
