@@ -1,4 +1,5 @@
-//! A trained scene becomes a file for an engine: `cargo run --release --example bake [SCENE] [OUT.glb]`.
+//! A trained scene becomes a file for an engine: `cargo run --release --example bake [SCENE]
+//! [OUT.glb]`.
 
 #![allow(clippy::print_stdout, reason = "a program talks to its user")]
 

@@ -1,5 +1,5 @@
-//! Draws a trained scene from a camera stored in its file: soft, as it was trained, and solid, as an engine draws the
-//! baked file. `cargo run --release --example draw [SCENE.ply]`.
+//! Draws a trained scene from a camera stored in its file: soft, as it was trained, and solid, as
+//! an engine draws the baked file. `cargo run --release --example draw [SCENE.ply]`.
 
 use trisplat::{Error, Renderer};
 

@@ -8,9 +8,10 @@
 //!                         formats (ply, pt, off, obj, gltf)
 //! ```
 //!
-//! A **Soup** is the trained scene: unconnected triangles with opacity, smoothness σ and spherical-harmonic
-//! colour. A **Mesh** is in an engine's form. An **Asset** is a mesh with its chunks and provenance. The
-//! maths follow Held et al. 2025, *Triangle Splatting for Real-Time Radiance Field Rendering*.
+//! A **Soup** is the trained scene: unconnected triangles with opacity, smoothness σ and
+//! spherical-harmonic colour. A **Mesh** is in an engine's form. An **Asset** is a mesh with its
+//! chunks and provenance. The maths follow Held et al. 2025, *Triangle Splatting for Real-Time
+//! Radiance Field Rendering*.
 //!
 //! A file for an engine, as `trisplat bake scene.ply -o scene.glb` makes it:
 //!
@@ -71,8 +72,9 @@
 //! # Ok::<(), trisplat::Error>(())
 //! ```
 //!
-//! [`BakeJob`] bakes with photos. The folder `examples` has whole programs; everything else is in the crates of the workspace. The command line is behind the feature `cli`, a graphics card behind `gpu`, the window
-//! behind `view`; only `cli` is on unless `default-features = false`.
+//! [`BakeJob`] bakes with photos. The folder `examples` has whole programs; everything else is in
+//! the crates of the workspace. The command line is behind the feature `cli`, a graphics card
+//! behind `gpu`, the window behind `view`; only `cli` is on unless `default-features = false`.
 
 #[cfg(feature = "cli")]
 #[doc(hidden)]

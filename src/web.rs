@@ -1,7 +1,8 @@
 //! The program for pages and scripts: one job, read from a file, per process.
 //!
-//! It is built for `wasm32-wasip1-threads` and run by `web/` in the repository, which gives it its files from
-//! memory. The library does the work; this module has the job's types, and prints progress as lines of JSON.
+//! It is built for `wasm32-wasip1-threads` and run by `web/` in the repository, which gives it its
+//! files from memory. The library does the work; this module has the job's types, and prints
+//! progress as lines of JSON.
 
 #[cfg(target_arch = "wasm32")]
 mod new;
@@ -162,7 +163,7 @@ fn report_faults() {
     }));
 }
 
-// ---- The progress of a job: lines of JSON on standard output, one object each, with one key that names it ----
+// ---- The progress of a job: lines of JSON on standard output, one object each, with one key that names it
 
 /// Smallest reported change of a fraction.
 const STEP: f64 = 0.01;
@@ -214,7 +215,7 @@ impl Lines {
     }
 }
 
-// ---- The jobs, as JSON -------------------------------------------------------------------------------
+// ---- The jobs, as JSON --------------------------------------------------------------------------
 
 /// One job. Names of files are those of the caller.
 #[derive(Debug, Deserialize)]

@@ -1,6 +1,6 @@
-//! `import trisplat`: scenes and pictures as numpy arrays, training, bake and evaluation. Options are the
-//! library's own, by the names of their fields. `trisplat.pyi` has the types; tests compare it with this
-//! module.
+//! `import trisplat`: scenes and pictures as numpy arrays, training, bake and evaluation. Options
+//! are the library's own, by the names of their fields. `trisplat.pyi` has the types; tests compare
+//! it with this module.
 
 mod arrays;
 mod objects;
@@ -20,9 +20,9 @@ use trisplat_scene::{Budget, Seconds};
 
 /// A scene of any format as arrays.
 ///
-/// A soup: triangles (N, 3, 3), opacity (N,), sigma (N,) and sh (N, K, 3), spherical harmonics. A mesh:
-/// positions (V, 3), faces (F, 3), and colors in linear light, (F, 3) for faces or (V, 3) for vertices;
-/// opacity (F,) unless opaque. Arrays own what was read: nothing is copied.
+/// A soup: triangles (N, 3, 3), opacity (N,), sigma (N,) and sh (N, K, 3), spherical harmonics. A
+/// mesh: positions (V, 3), faces (F, 3), and colors in linear light, (F, 3) for faces or (V, 3) for
+/// vertices; opacity (F,) unless opaque. Arrays own what was read: nothing is copied.
 ///
 /// Raises OSError for errors of the system, ValueError for an unknown or broken file.
 #[pyfunction]
@@ -32,12 +32,14 @@ fn read<'py>(py: Python<'py>, path: PathBuf) -> PyResult<Bound<'py, PyDict>> {
     arrays::of_scene(py, loaded.scene)
 }
 
-/// Bakes a scene for a game engine, from a file, from arrays of `read`, or from a list of these, merged.
+/// Bakes a scene for a game engine, from a file, from arrays of `read`, or from a list of these,
+/// merged.
 ///
-/// With `output`, a name that ends in .glb, .gltf, .obj, .ply, .usdz, .html or .tileset.json, it writes the file and
-/// returns the report. Without, it returns the arrays of the mesh, like `read`. `dataset` is a folder of
-/// photos with poses. `harden` trains a soft scene solid first; `max_bytes` is for all files together. All other keywords are options of the bake, as in a config file:
-/// max_triangles=1000, target="godot", lod=[0.5, 0.25].
+/// With `output`, a name that ends in .glb, .gltf, .obj, .ply, .usdz, .html or .tileset.json, it
+/// writes the file and returns the report. Without, it returns the arrays of the mesh, like `read`.
+/// `dataset` is a folder of photos with poses. `harden` trains a soft scene solid first;
+/// `max_bytes` is for all files together. All other keywords are options of the bake, as in a
+/// config file: max_triangles=1000, target="godot", lod=[0.5, 0.25].
 ///
 /// Raises FileExistsError for a file that exists, unless `force`; OSError, ValueError.
 #[pyfunction]
@@ -77,11 +79,11 @@ fn bake<'py>(
     }
 }
 
-/// Scores a soft or baked scene on photos: the report of `trisplat eval`, with PSNR, SSIM and FLIP of every
-/// photo and means.
+/// Scores a soft or baked scene on photos: the report of `trisplat eval`, with PSNR, SSIM and FLIP
+/// of every photo and means.
 ///
-/// `split` is "test", the photos held out, "train" or "all"; `mode` "soft" or "solid" for a soup; `ssaa` 1, 2
-/// or 4 samples along each axis of a pixel; `dataset_options` as in `train`.
+/// `split` is "test", the photos held out, "train" or "all"; `mode` "soft" or "solid" for a soup;
+/// `ssaa` 1, 2 or 4 samples along each axis of a pixel; `dataset_options` as in `train`.
 ///
 /// Raises OSError, ValueError.
 #[pyfunction]
@@ -105,11 +107,11 @@ fn eval<'py>(
     options::to_python(py, &serde_json::to_value(&report).unwrap_or_default())
 }
 
-/// Pictures of a scene as arrays (H, W, 3), uint8, by their names: from a circle of `orbit` places around its
-/// subject, or from the cameras of `dataset`.
+/// Pictures of a scene as arrays (H, W, 3), uint8, by their names: from a circle of `orbit` places
+/// around its subject, or from the cameras of `dataset`.
 ///
-/// `width` is that of an orbit without a data set, px. `show` is "color", "depth", "normal" or "wires"; `split`, `mode`,
-/// `ssaa` and `dataset_options` as in `eval`.
+/// `width` is that of an orbit without a data set, px. `show` is "color", "depth", "normal" or
+/// "wires"; `split`, `mode`, `ssaa` and `dataset_options` as in `eval`.
 ///
 /// Raises OSError, ValueError.
 #[pyfunction]

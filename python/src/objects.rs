@@ -8,9 +8,11 @@ use std::path::PathBuf;
 use trisplat::{Mesh, ReadOptions, Scene};
 use trisplat_scene::{math::color::srgb_from_linear, mesh::Colors};
 
-/// A mesh, a file or the arrays of `read` and `bake`, as a `trimesh.Trimesh` in sRGB colours. Textures become colours.
+/// A mesh, a file or the arrays of `read` and `bake`, as a `trimesh.Trimesh` in sRGB colours.
+/// Textures become colours.
 ///
-/// Raises ImportError without the package trimesh; ValueError for a soup, which `bake` makes a mesh; OSError.
+/// Raises ImportError without the package trimesh; ValueError for a soup, which `bake` makes a
+/// mesh; OSError.
 #[pyfunction]
 pub fn to_trimesh<'py>(source: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     let py = source.py();
@@ -29,10 +31,11 @@ pub fn to_trimesh<'py>(source: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>
     class.call((), Some(&named))
 }
 
-/// A mesh, a file or the arrays of `read` and `bake`, as an `open3d.geometry.TriangleMesh` in sRGB colours. Textures become colours.
+/// A mesh, a file or the arrays of `read` and `bake`, as an `open3d.geometry.TriangleMesh` in sRGB
+/// colours. Textures become colours.
 ///
-/// Its colours are at vertices, so faces with a colour of their own share none. Raises ImportError without the package open3d;
-/// ValueError for a soup, which `bake` makes a mesh; OSError.
+/// Its colours are at vertices, so faces with a colour of their own share none. Raises ImportError
+/// without the package open3d; ValueError for a soup, which `bake` makes a mesh; OSError.
 #[pyfunction]
 pub fn to_open3d<'py>(source: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     let py = source.py();

@@ -13,15 +13,18 @@ use trisplat_train::TrainEvent;
 
 /// Trains a scene on a folder of photos with poses, as the program does.
 ///
-/// With `output`, a name that ends in .ply, it writes the file and returns the report. Without, it returns
-/// the arrays of the soup, like `read`. `teacher` is "auto", "off" or the file of a soft scene; `budget` is
-/// in CPU seconds. `dataset_options` are those for reading the photos: {"max_size": 800}. All other keywords
-/// are options of the training, as in a config file: steps=3000, max_triangles=20_000, preset="solid".
+/// With `output`, a name that ends in .ply, it writes the file and returns the report. Without, it
+/// returns the arrays of the soup, like `read`. `teacher` is "auto", "off" or the file of a soft
+/// scene; `budget` is in CPU seconds. `dataset_options` are those for reading the photos:
+/// {"max_size": 800}. All other keywords are options of the training, as in a config file:
+/// steps=3000, max_triangles=20_000, preset="solid".
 ///
-/// `callback` is called after every step with a dict: part ("scene", or "trial" and "teacher" before it), step, triangles, loss, psnr
-/// and more. Where it returns False, the training stops, and the scene so far is the result; what it raises ends the training too.
+/// `callback` is called after every step with a dict: part ("scene", or "trial" and "teacher"
+/// before it), step, triangles, loss, psnr and more. Where it returns False, the training stops,
+/// and the scene so far is the result; what it raises ends the training too.
 ///
-/// Raises FileExistsError for a file that exists, unless `force`; OSError, ValueError; KeyboardInterrupt between two steps.
+/// Raises FileExistsError for a file that exists, unless `force`; OSError, ValueError;
+/// KeyboardInterrupt between two steps.
 #[pyfunction]
 #[pyo3(signature = (dataset, output=None, *, force=false, teacher=None, budget=None, dataset_options=None, callback=None, **options))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]

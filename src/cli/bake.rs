@@ -96,14 +96,15 @@ fn soft_note(softness: &Softness, reshaped: Option<&ReshapeDetails>) -> String {
     )
 }
 
-// ---- The flags of `trisplat bake` --------------------------------------------------------------------
+// ---- The flags of `trisplat bake` ---------------------------------------------------------------
 
 /// Files, layers and the options of every stage.
 #[derive(Debug, clap::Args)]
 pub struct BakeArgs {
-    /// Files to bake: .ply .pt .off .obj .glb .gltf .html; several are merged; "-" is standard input. Gaussian splats (.ply .splat .spz .sog
-    /// .glb) are drawn, and triangles are trained on the pictures: about two minutes, with --preset fast less, with --harden more. The folder
-    /// of a plan whose blocks are trained is baked into tiles, block by block.
+    /// Files to bake: .ply .pt .off .obj .glb .gltf .html; several are merged; "-" is standard
+    /// input. Gaussian splats (.ply .splat .spz .sog .glb) are drawn, and triangles are trained on
+    /// the pictures: about two minutes, with --preset fast less, with --harden more. The folder of
+    /// a plan whose blocks are trained is baked into tiles, block by block.
     #[arg(required = true, value_name = "IN")]
     pub inputs: Vec<PathBuf>,
     /// File to write: .glb .gltf .obj .ply .usdz .html .tileset.json; "-" is standard output.
@@ -131,17 +132,19 @@ pub struct BakeArgs {
     pub report: Option<PathBuf>,
     /// Write at most this many bytes, all files together, as in 5MB.
     ///
-    /// The scene keeps the most triangles that fit. A trial measures the size, then the scene is baked once
-    /// or twice.
+    /// The scene keeps the most triangles that fit. A trial measures the size, then the scene is
+    /// baked once or twice.
     #[arg(long, value_name = "SIZE")]
     pub max_bytes: Option<ByteSize>,
     /// Posed photos of the scene: removes triangles hidden in all of them, and fits colours to them
     #[arg(long, value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
-    /// Train a soft scene solid first: minutes, and twice the triangles, for a file that looks like the soft scene.
+    /// Train a soft scene solid first: minutes, and twice the triangles, for a file that looks like
+    /// the soft scene.
     ///
-    /// It is trained on the photos of --dataset, or on its own soft pictures, in 2000 steps or N. Gaussian
-    /// splats are always trained solid: with it in four times as many steps, on more and larger pictures.
+    /// It is trained on the photos of --dataset, or on its own soft pictures, in 2000 steps or N.
+    /// Gaussian splats are always trained solid: with it in four times as many steps, on more and
+    /// larger pictures.
     #[arg(long, value_name = "STEPS", num_args = 0..=1, require_equals = true, default_missing_value = "2000",
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     pub harden: Option<u64>,
@@ -153,7 +156,7 @@ pub struct BakeArgs {
     pub dataset_options: DatasetOptions,
 }
 
-// ---- Sizes in bytes, as they are typed ---------------------------------------------------------------
+// ---- Sizes in bytes, as they are typed ----------------------------------------------------------
 
 /// A size, written as `5000000`, `5MB` or `5M` (millions), `500kB` or `4MiB`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -186,7 +189,7 @@ impl FromStr for ByteSize {
     }
 }
 
-// ---- `trisplat bake CITY -o OUT.tileset.json`: the blocks of a plan, one after the other -------------
+// ---- `trisplat bake CITY -o OUT.tileset.json`: the blocks of a plan, one after the other --------
 
 /// Bakes the blocks of `plan`.
 fn bake_blocks(

@@ -19,7 +19,8 @@ pub struct CaptureArgs {
     /// Photos, a video, or folders of them: .jpg .png .webp .tif, .mp4 .mov .mkv and others
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
-    /// Folder to make: images/, sparse/0/, and capture/ with the log and the files of the pose program
+    /// Folder to make: images/, sparse/0/, and capture/ with the log and the files of the pose
+    /// program
     #[arg(short, long, value_name = "FOLDER")]
     pub output: PathBuf,
     /// Set a capture of other inputs that FOLDER holds aside, as FOLDER.old

@@ -1,4 +1,5 @@
-//! `trisplat eval FILE DATASET`: PSNR, SSIM and FLIP against the photos, raw and with corrected colours.
+//! `trisplat eval FILE DATASET`: PSNR, SSIM and FLIP against the photos, raw and with corrected
+//! colours.
 
 use super::Global;
 use super::inputs::Inputs;
@@ -23,8 +24,8 @@ pub struct EvalArgs {
     /// Folder of posed photos, or a transforms.json.
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
-    /// Write the drawings into this folder, as PNG files named like the photos. If a soup is drawn at every
-    /// step, they go into its folders soft, solid and file.
+    /// Write the drawings into this folder, as PNG files named like the photos. If a soup is drawn
+    /// at every step, they go into its folders soft, solid and file.
     #[arg(long, value_name = "DIR")]
     pub save_renders: Option<PathBuf>,
     /// Write all scores as JSON (schema: trisplat schema eval).
@@ -38,7 +39,8 @@ pub struct EvalArgs {
     pub force: bool,
 }
 
-/// Draws, measures, and prints a row per photo and step and the means on `out`; only the means when quiet.
+/// Draws, measures, and prints a row per photo and step and the means on `out`; only the means when
+/// quiet.
 pub fn run(args: &EvalArgs, global: &Global, inputs: &Inputs, out: &mut dyn Write) -> Result<()> {
     let mut outputs = Outputs::new(inputs, args.force);
     outputs.claim_report(args.report.as_deref())?;
@@ -169,7 +171,8 @@ fn remark(step: &StepScore, report: &EvalReport) -> String {
     remark
 }
 
-/// The folders of drawings, one per step; none when no drawings are kept. Refuses to replace pictures before any is drawn.
+/// The folders of drawings, one per step; none when no drawings are kept. Refuses to replace
+/// pictures before any is drawn.
 fn folders(
     args: &EvalArgs,
     steps: Vec<&str>,

@@ -1,4 +1,5 @@
-//! The dashes of flags. The library names options by their fields (`max_triangles`); a user types `--max-triangles`.
+//! The dashes of flags. The library names options by their fields (`max_triangles`); a user types
+//! `--max-triangles`.
 
 use clap::builder::ValueParser;
 use clap::parser::ValueSource;
@@ -19,7 +20,8 @@ pub fn innermost<'a>(command: &'a Command, matches: &ArgMatches) -> &'a Command 
     typed.map_or(command, |(command, inner)| innermost(command, inner))
 }
 
-/// Fails if a typed number is not finite, because options in layers are JSON, which cannot express it.
+/// Fails if a typed number is not finite, because options in layers are JSON, which cannot express
+/// it.
 pub fn check_finite(matches: &ArgMatches) -> Result<()> {
     for id in matches.ids().map(clap::Id::as_str) {
         let numbers = matches.try_get_many::<f64>(id).ok().flatten();
@@ -50,8 +52,8 @@ pub fn message(error: &Error, command: &Command) -> String {
     }
 }
 
-/// `text` with every field in backticks replaced by its flag in `command`. Two backticks stand for a printed
-/// one.
+/// `text` with every field in backticks replaced by its flag in `command`. Two backticks stand for
+/// a printed one.
 pub fn as_flags(text: &str, command: &Command) -> String {
     let mut parts = text.split('`').peekable();
     let mut out = parts.next().unwrap_or_default().to_owned();
@@ -67,7 +69,8 @@ pub fn as_flags(text: &str, command: &Command) -> String {
     out
 }
 
-/// How a field is typed: `--max-triangles`, or `IN` when it has no flag; `None` when it is no argument of `command`.
+/// How a field is typed: `--max-triangles`, or `IN` when it has no flag; `None` when it is no
+/// argument of `command`.
 fn typed(command: &Command, field: &str) -> Option<String> {
     let argument = command.get_arguments().find(|a| a.get_id() == field)?;
     match argument.get_long() {
@@ -76,7 +79,7 @@ fn typed(command: &Command, field: &str) -> Option<String> {
     }
 }
 
-// ---- Flags of all commands ---------------------------------------------------------------------------
+// ---- Flags of all commands ----------------------------------------------------------------------
 
 /// Flags every command takes.
 #[derive(Debug, Clone, Default, clap::Args)]
@@ -88,12 +91,13 @@ pub struct Global {
     /// Print every figure of every stage.
     #[arg(short, long, global = true)]
     pub verbose: bool,
-    /// Worker threads, at most four per core; 0 = one per core. The output is the same bytes for any number.
+    /// Worker threads, at most four per core; 0 = one per core. The output is the same bytes for
+    /// any number.
     #[arg(long, global = true, default_value_t = 0, value_name = "N", hide_short_help = true)]
     pub threads: u16,
     /// Raise or lower a limit on inputs, as in triangles=100000000; may be given often. The keys:
-    /// picture_side, picture_pixels, camera_pixels, triangles, vertices, file_bytes, document_bytes,
-    /// array_bytes, nodes, nesting, threads_per_core.
+    /// picture_side, picture_pixels, camera_pixels, triangles, vertices, file_bytes,
+    /// document_bytes, array_bytes, nodes, nesting, threads_per_core.
     #[arg(long, global = true, value_name = "KEY=VALUE", hide_short_help = true)]
     pub limit: Vec<String>,
     /// Permit a data set or a glTF document to name files outside its folder.
@@ -102,7 +106,11 @@ pub struct Global {
 }
 
 impl Global {
-    /// The limits with the changes of `--limit`. Errors: no such limit.
+    /// The limits with the changes of `--limit`.
+    ///
+    /// # Errors
+    ///
+    /// No such limit.
     pub fn limits(&self) -> Result<Limits> {
         let mut limits = Limits::DEFAULT;
         self.limit.iter().try_for_each(|setting| limits.set(setting))?;
@@ -110,7 +118,7 @@ impl Global {
     }
 }
 
-// ---- The layers of options: see [`trisplat_scene::layered`] -----------------------------------------
+// ---- The layers of options: see [`trisplat_scene::layered`] -------------------------------------
 
 /// Where options come from, beside their flags.
 pub(super) struct Sources<'a> {
@@ -123,8 +131,8 @@ pub(super) struct Sources<'a> {
 }
 
 impl Sources<'_> {
-    /// Preset, then config file, then `--set`, then those of the flags in `parsed` that were really typed. Flags are matched by the name of
-    /// their field, which is unique over all option groups.
+    /// Preset, then config file, then `--set`, then those of the flags in `parsed` that were really
+    /// typed. Flags are matched by the name of their field, which is unique over all option groups.
     pub(super) fn resolve<T: Serialize + DeserializeOwned, P: DeserializeOwned + Default>(
         &self,
         parsed: &T,
@@ -173,7 +181,7 @@ pub fn is_typed(matches: &ArgMatches, name: &str) -> bool {
         && matches.value_source(name) == Some(ValueSource::CommandLine)
 }
 
-// ---- Numbers as people write them: `--max-triangles 10k` is 10000, `1.5M` is 1500000 -----------------
+// ---- Numbers as people write them: `--max-triangles 10k` is 10000, `1.5M` is 1500000 ------------
 
 /// The arguments with such numbers written out.
 pub(super) fn written_out(

@@ -1,4 +1,5 @@
-//! `trisplat info FILE`: the content of a file of any format, or of a data set, as a table of names and values or as JSON.
+//! `trisplat info FILE`: the content of a file of any format, or of a data set, as a table of names
+//! and values or as JSON.
 
 use super::messages::{self, many, thousands};
 use std::io::{self, Write};
@@ -16,8 +17,9 @@ const LISTED: usize = 5;
 /// What to describe.
 #[derive(Debug, clap::Args)]
 pub struct InfoArgs {
-    /// Soup, mesh or Gaussian splats to describe: .ply, .pt, .off, .obj, .glb, .gltf, .splat, .spz or .sog; "-" is standard input.
-    /// Or a data set: a folder of posed photos, or a transforms.json.
+    /// Soup, mesh or Gaussian splats to describe: .ply, .pt, .off, .obj, .glb, .gltf, .splat, .spz
+    /// or .sog; "-" is standard input. Or a data set: a folder of posed photos, or a
+    /// transforms.json.
     #[arg(value_name = "FILE")]
     pub input: PathBuf,
     /// Print JSON (`trisplat schema info` describes it).
@@ -244,12 +246,13 @@ fn dataset_rows(d: &Description) -> Vec<Row> {
     rows
 }
 
-// ---- `trisplat validate FILE`: what stops a file from being read, and what engines reject -----------
+// ---- `trisplat validate FILE`: what stops a file from being read, and what engines reject -------
 
 /// What to check.
 #[derive(Debug, clap::Args)]
 pub struct ValidateArgs {
-    /// File to check: .ply, .splat, .spz, .sog, .pt, .off, .obj, .glb or .gltf; "-" is standard input.
+    /// File to check: .ply, .splat, .spz, .sog, .pt, .off, .obj, .glb or .gltf; "-" is standard
+    /// input.
     #[arg(value_name = "FILE")]
     pub input: PathBuf,
     /// Print JSON (`trisplat schema validate` describes it).

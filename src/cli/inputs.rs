@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use trisplat_job::files_of;
 use trisplat_scene::Limits;
 
-/// The options that name outputs: files, and folders for files. A path of any other option is read, so that a new
-/// option cannot be forgotten.
+/// The options that name outputs: files, and folders for files. A path of any other option is read,
+/// so that a new option cannot be forgotten.
 pub const OUTPUTS: [&str; 10] = [
     "checkpoint",
     "folder",

@@ -1,4 +1,5 @@
-//! `trisplat make INPUT -o scene.glb`: from photos or a video to a file for an engine and a page, in one command.
+//! `trisplat make INPUT -o scene.glb`: from photos or a video to a file for an engine and a page,
+//! in one command.
 
 use super::bake::textured_by_itself;
 use super::capture::advise;
@@ -21,9 +22,11 @@ use trisplat_scene::{Error, Result, Seconds};
 use trisplat_train::budget::BudgetDetails;
 use trisplat_train::{BackendOptions, TrainDetails, TrainOptions};
 
-/// From here on nothing needs to be done about a scene of that many photos, dB on held-out ones: fewer leave more unseen.
+/// From here on nothing needs to be done about a scene of that many photos, dB on held-out ones:
+/// fewer leave more unseen.
 const GOOD_PSNR: [(usize, f64); 3] = [(60, 28.0), (30, 25.0), (0, 22.0)];
-/// A photo that is so much worse than half of the others, dB, was blurred or moved, or its pose is wrong.
+/// A photo that is so much worse than half of the others, dB, was blurred or moved, or its pose is
+/// wrong.
 const FAR_BELOW: f64 = 5.0;
 /// More time that gained less, dB, is not advised again.
 const LEAST_GAIN: f64 = 0.3;
@@ -44,20 +47,22 @@ pub struct MakeArgs {
     /// Replace OUT and the page, and a begun run with other inputs
     #[arg(short, long)]
     pub force: bool,
-    /// CPU time of training and bake, on all cores together, as in 90s, 2m or 1.5h; finding poses comes on top
+    /// CPU time of training and bake, on all cores together, as in 90s, 2m or 1.5h; finding poses
+    /// comes on top
     #[arg(long, value_name = "TIME", default_value_t = Seconds(600.0))]
     pub budget: Seconds,
     /// Train this many steps instead: the same bytes on every run, also after a stop
     #[arg(long, value_name = "N", conflicts_with = "budget", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     pub steps: Option<u64>,
-    /// Folder for continuing a stopped run: photos, poses, checkpoints; OUT with the ending .make unless
-    /// given
+    /// Folder for continuing a stopped run: photos, poses, checkpoints; OUT with the ending .make
+    /// unless given
     #[arg(long, value_name = "FOLDER")]
     pub work: Option<PathBuf>,
     /// Page to write beside OUT, to be opened in a browser; OUT with the ending .html unless given
     #[arg(long, value_name = "FILE.html")]
     pub page: Option<PathBuf>,
-    /// Train although the photos can hardly make a scene: few points tie them, or they share too little
+    /// Train although the photos can hardly make a scene: few points tie them, or they share too
+    /// little
     #[arg(long)]
     pub anyway: bool,
     /// Write the results of every step as JSON (schema: trisplat schema report)
@@ -179,7 +184,8 @@ fn purpose(file: &Path, done: &MakeDone, args: &MakeArgs) -> &'static str {
     }
 }
 
-/// The score of the file, as `trisplat eval` has it, what it is worth for that many photos, and what comes next.
+/// The score of the file, as `trisplat eval` has it, what it is worth for that many photos, and
+/// what comes next.
 fn verdict(details: &TrainDetails, done: &MakeDone, args: &MakeArgs) -> Vec<String> {
     let of_training = || Some((details.psnr?, details.ssim?));
     let of_file = done.score.as_ref().map(|score| (score.mean.psnr, score.mean.ssim));
@@ -235,7 +241,8 @@ fn worth(psnr: f64, photos: usize) -> &'static str {
     }
 }
 
-/// What makes a scene better: more time, if it was used up and time `helps`, and photos where they are needed most.
+/// What makes a scene better: more time, if it was used up and time `helps`, and photos where they
+/// are needed most.
 fn next(
     details: &TrainDetails,
     photos: &[(&str, f64)],

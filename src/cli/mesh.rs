@@ -1,4 +1,5 @@
-//! `trisplat mesh SCENE|PHOTOS [DATASET] -o OUT`: one connected surface of a scene, or of photos alone.
+//! `trisplat mesh SCENE|PHOTOS [DATASET] -o OUT`: one connected surface of a scene, or of photos
+//! alone.
 
 use super::flags::{self, Sources};
 use super::info::is_dataset;
@@ -21,12 +22,13 @@ use trisplat_scene::{Error, Result};
 /// Files, and the options of every stage.
 #[derive(Debug, clap::Args)]
 pub struct MeshArgs {
-    /// Scene to make a surface of: a trained soup (.ply .pt), a mesh (.glb .gltf .obj .ply .off) or Gaussian splats (.ply .splat
-    /// .spz .sog .glb), whose drawings are its photos; or posed photos alone, on which a scene is trained first, for half a minute of CPU time
+    /// Scene to make a surface of: a trained soup (.ply .pt), a mesh (.glb .gltf .obj .ply .off) or
+    /// Gaussian splats (.ply .splat .spz .sog .glb), whose drawings are its photos; or posed photos
+    /// alone, on which a scene is trained first, for half a minute of CPU time
     #[arg(value_name = "SCENE|PHOTOS")]
     pub input: PathBuf,
-    /// Posed photos of it, whose cameras determine the surface; without them the cameras of SCENE, or chosen
-    /// ones
+    /// Posed photos of it, whose cameras determine the surface; without them the cameras of SCENE,
+    /// or chosen ones
     #[arg(value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
     /// File to write: .ply .glb .gltf .obj .usdz, with --texture .html too
@@ -41,7 +43,8 @@ pub struct MeshArgs {
     /// Write what every stage did as JSON (schema: trisplat schema report)
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
-    /// Set any option of the surface and its frame by its key, as in center=true; may be given often
+    /// Set any option of the surface and its frame by its key, as in center=true; may be given
+    /// often
     #[arg(long = "set", value_name = "KEY=VALUE", allow_hyphen_values = true)]
     pub sets: Vec<String>,
     /// The options of the stages.

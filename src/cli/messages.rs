@@ -30,7 +30,8 @@ pub fn write(out: &mut dyn Write, text: &str) -> io::Result<()> {
     writeln!(out, "{}", visible(&cut(text, MAX_LINE)))
 }
 
-/// `text` with control characters, line breaks and marks of bidirectional text escaped as `\n` or `\u{1b}`.
+/// `text` with control characters, line breaks and marks of bidirectional text escaped as `\n` or
+/// `\u{1b}`.
 pub fn visible(text: &str) -> Cow<'_, str> {
     if !text.contains(is_hidden) {
         return Cow::Borrowed(text);
@@ -47,7 +48,8 @@ pub fn visible(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// Control characters (Unicode's category Cc), line and paragraph separators, and the marks of bidirectional text.
+/// Control characters (Unicode's category Cc), line and paragraph separators, and the marks of
+/// bidirectional text.
 fn is_hidden(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{200e}' | '\u{200f}' | '\u{61c}')
@@ -63,7 +65,7 @@ fn styled(text: &str) -> String {
     text.to_owned()
 }
 
-// ---- Numbers as a person reads them ------------------------------------------------------------------
+// ---- Numbers as a person reads them -------------------------------------------------------------
 
 /// 1234567 as "1,234,567", to be padded like any text.
 pub(super) fn thousands(number: u64) -> String {
@@ -77,7 +79,7 @@ pub(super) fn many(number: u64, noun: &str) -> String {
     format!("{text} {noun}{end}")
 }
 
-// ---- JSON, as commands print and write it, and standard output ---------------------------------------
+// ---- JSON, as commands print and write it, and standard output ----------------------------------
 
 /// Writes `value` as indented JSON and a final newline.
 pub fn print_json(value: &impl Serialize, out: &mut dyn Write) -> io::Result<()> {

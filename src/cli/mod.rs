@@ -1,7 +1,7 @@
 //! The command line. Thin: options and work live in the library, this folder parses and prints.
 //!
-//! Exit codes: 0 done, 1 failed (one error on stderr), 2 wrong usage, 130 stopped with Ctrl-C, 143 with SIGTERM, 129 with
-//! SIGHUP, 131 with SIGQUIT.
+//! Exit codes: 0 done, 1 failed (one error on stderr), 2 wrong usage, 130 stopped with Ctrl-C, 143
+//! with SIGTERM, 129 with SIGHUP, 131 with SIGQUIT.
 
 pub mod bake;
 pub mod capture;

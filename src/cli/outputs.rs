@@ -1,5 +1,6 @@
-//! Guards the files that a command writes, before any work: none is an input, another output or, without
-//! `--force`, an existing file; each can be written. Every command asks this for every file that it writes.
+//! Guards the files that a command writes, before any work: none is an input, another output or,
+//! without `--force`, an existing file; each can be written. Every command asks this for every file
+//! that it writes.
 
 use super::inputs::Inputs;
 use super::messages;
@@ -79,7 +80,8 @@ impl<'a> Outputs<'a> {
         self.resumed.clear();
     }
 
-    /// A folder of pictures, made if missing, whose names begin like `begin`; it must not be that of the photos.
+    /// A folder of pictures, made if missing, whose names begin like `begin`; it must not be that
+    /// of the photos.
     pub(super) fn plan_pictures(
         &mut self,
         option: &'static str,
@@ -99,7 +101,8 @@ impl<'a> Outputs<'a> {
         AtomicFile::create(&folder.join(format!("{begin}000000.png"))).map(drop)
     }
 
-    /// Plans a folder for files with names of their own; it must not hold an input that is `in_danger`.
+    /// Plans a folder for files with names of their own; it must not hold an input that is
+    /// `in_danger`.
     pub(super) fn check_folder(
         &mut self,
         option: &'static str,
@@ -124,7 +127,9 @@ impl<'a> Outputs<'a> {
 
     /// Plans to write `path`, named by `option`.
     ///
-    /// Errors: a folder, a path without a folder, a file that is read or written already, an existing file.
+    /// # Errors
+    ///
+    /// A folder, a path without a folder, a file that is read or written already, an existing file.
     pub(super) fn plan(&mut self, option: &'static str, path: &Path) -> Result<()> {
         let refuse = |wants: String| Err(Error::invalid(option, path.display(), wants));
         let meta = std::fs::metadata(path).ok();
@@ -157,13 +162,16 @@ impl<'a> Outputs<'a> {
 
     /// Plans to write the files of a scene, and the folder of its tiles.
     ///
-    /// Errors: those of [`Outputs::plan`]; a folder of tiles that holds an input.
+    /// # Errors
+    ///
+    /// Those of [`Outputs::plan`]; a folder of tiles that holds an input.
     pub(super) fn plan_scene(&mut self, scene: &Output) -> Result<()> {
         scene.paths().try_for_each(|path| self.plan("--output", path))?;
         scene.tiles().map_or(Ok(()), |folder| self.check_folder("--output", &folder, |_| true))
     }
 
-    /// Plans and starts the files of a scene and its report, if one is asked for. A dry run replaces nothing.
+    /// Plans and starts the files of a scene and its report, if one is asked for. A dry run
+    /// replaces nothing.
     pub(super) fn start_scene(
         &mut self,
         scene: &Output,
@@ -200,7 +208,8 @@ impl<'a> Outputs<'a> {
         path.map_or(Ok(()), |path| messages::save_json(report, self.take(path)?))
     }
 
-    /// Plans to write `path` later or repeatedly; fails if it cannot be written. The reader of a pipe would take a try for all.
+    /// Plans to write `path` later or repeatedly; fails if it cannot be written. The reader of a
+    /// pipe would take a try for all.
     pub(super) fn probe(&mut self, option: &'static str, path: &Path) -> Result<()> {
         self.plan(option, path)?;
         if is_stream(path) { Ok(()) } else { AtomicFile::create(path).map(drop) }
@@ -213,7 +222,9 @@ impl<'a> Outputs<'a> {
 
     /// Adds the photos and masks of `dataset`, wherever they are, to the inputs.
     ///
-    /// Errors: one of them is an output.
+    /// # Errors
+    ///
+    /// One of them is an output.
     pub(super) fn spare_photos(&mut self, dataset: &Dataset) -> Result<()> {
         let photos =
             dataset.views.iter().flat_map(|v| std::iter::once(&v.photo.path).chain(&v.photo.mask));

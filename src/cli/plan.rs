@@ -32,8 +32,8 @@ pub struct PlanArgs {
     /// Folder of posed photos (COLMAP model or transforms.json).
     #[arg(value_name = "DATASET", required_unless_present = "status")]
     pub dataset: Option<PathBuf>,
-    /// Folder to make for the plan: manifest.json, and the soups that blocks start from. Results of blocks go
-    /// there, too.
+    /// Folder to make for the plan: manifest.json, and the soups that blocks start from. Results of
+    /// blocks go there, too.
     #[arg(short, long, value_name = "CITY", required_unless_present = "status")]
     pub output: Option<PathBuf>,
     /// Replace an existing plan.
@@ -45,14 +45,15 @@ pub struct PlanArgs {
     /// Refuse a plan in which a block is expected to take more memory than this, as in 8GB.
     #[arg(long, value_name = "SIZE")]
     pub memory: Option<ByteSize>,
-    /// Write a checkpoint of the coarse scene every N steps; 0: only when stopped with Ctrl-C or SIGTERM. The
-    /// same command continues from it.
+    /// Write a checkpoint of the coarse scene every N steps; 0: only when stopped with Ctrl-C or
+    /// SIGTERM. The same command continues from it.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     pub checkpoint_every: u64,
     /// JSON file with training options of the blocks; --set and flags override it.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Set any training option of the blocks by its key, as in densify.every=500; may be given often.
+    /// Set any training option of the blocks by its key, as in densify.every=500; may be given
+    /// often.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
     /// The blocks.
@@ -145,7 +146,8 @@ fn make(
     Ok(ExitCode::SUCCESS)
 }
 
-/// The coarse scene begun as `path`, trained unless it exists, and its file; `None` when the training was stopped.
+/// The coarse scene begun as `path`, trained unless it exists, and its file; `None` when the
+/// training was stopped.
 fn coarse_scene(
     args: &PlanArgs,
     dataset: &Dataset,
@@ -232,7 +234,7 @@ fn print_status(args: &PlanArgs, city: &Path, out: &mut dyn Write) -> Result<()>
     out.write_all(text.as_bytes()).map_err(|e| Error::io("-", e))
 }
 
-// ---- `trisplat merge CITY -o OUT.ply`: one scene of the blocks of a plan -----------------------------
+// ---- `trisplat merge CITY -o OUT.ply`: one scene of the blocks of a plan ------------------------
 
 /// What to merge.
 #[derive(Debug, clap::Args)]
@@ -265,7 +267,7 @@ pub fn merge(args: &MergeArgs, global: &Global, inputs: &Inputs) -> Result<()> {
     Ok(())
 }
 
-// ---- `trisplat train --block PLAN:BLOCK`: one block of a plan ------------------------------------------
+// ---- `trisplat train --block PLAN:BLOCK`: one block of a plan -----------------------------------
 
 /// Trains the block, unless its result exists.
 pub(super) fn train_block(
@@ -320,8 +322,8 @@ pub(super) fn train_block(
     Ok(ExitCode::SUCCESS)
 }
 
-/// Refuses a log and previews that cannot or must not be written; the block's own files have names with a hash. A block that
-/// goes on from its checkpoint goes on with them, too.
+/// Refuses a log and previews that cannot or must not be written; the block's own files have names
+/// with a hash. A block that goes on from its checkpoint goes on with them, too.
 fn guard_block<'a>(
     args: &TrainArgs,
     block: &BlockAddress,

@@ -33,7 +33,8 @@ pub struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Make a scene from photos or a video, in one command: poses, training, a file for an engine, a page.
+    /// Make a scene from photos or a video, in one command: poses, training, a file for an engine,
+    /// a page.
     Make(Box<make::MakeArgs>),
     /// Make a data set from photos or a video: finds the camera poses.
     Capture(capture::CaptureArgs),
@@ -148,7 +149,8 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The options for reading data sets and scenes, with the limits and permissions of the global flags.
+/// The options for reading data sets and scenes, with the limits and permissions of the global
+/// flags.
 fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
     match command {
         Command::Make(args) => Some(&mut args.dataset_options),
@@ -165,8 +167,8 @@ fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
     }
 }
 
-/// Starts the worker threads, up to the limit: each takes memory, and more than a few per core only cost
-/// time.
+/// Starts the worker threads, up to the limit: each takes memory, and more than a few per core only
+/// cost time.
 fn start_threads(global: &Global, limits: &Limits) -> Result<()> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     // Rayon takes the number from this variable if it is not told another one.
@@ -189,11 +191,12 @@ fn start_threads(global: &Global, limits: &Limits) -> Result<()> {
     })
 }
 
-// ---- What `--version` says ---------------------------------------------------------------------------
+// ---- What `--version` says ----------------------------------------------------------------------
 
 /// Version, commit of a release, and features: "0.1.0 (1a2b3c4d; gpu, view)".
 ///
-/// Builds of releases and containers set `TRISPLAT_COMMIT`: asking git here would compile the program again after every commit.
+/// Builds of releases and containers set `TRISPLAT_COMMIT`: asking git here would compile the
+/// program again after every commit.
 pub(super) fn version() -> String {
     let features = [("gpu", cfg!(feature = "gpu")), ("view", cfg!(feature = "view"))];
     let on: Vec<&str> = features.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect();
@@ -202,7 +205,7 @@ pub(super) fn version() -> String {
     format!("{} ({commit}; {features})", env!("CARGO_PKG_VERSION"))
 }
 
-// ---- Commands that this build lacks ------------------------------------------------------------------
+// ---- Commands that this build lacks -------------------------------------------------------------
 
 /// Any arguments; they are ignored.
 #[derive(Debug, clap::Args)]
@@ -224,13 +227,14 @@ pub fn error(feature: &str) -> Error {
     )
 }
 
-// ---- Panics: a fault of the program is one error, and unwinding removes its temporary files ----------
+// ---- Panics: a fault of the program is one error, and unwinding removes its temporary files -----
 
 /// Place of the last panic for [`caught`] to report.
 static PLACE: Mutex<Option<String>> = Mutex::new(None);
 
-/// From now on panics of this thread and its workers print nothing, because they become errors of files or of
-/// [`caught`]. Panics of other threads print one line. Must be called from the main thread.
+/// From now on panics of this thread and its workers print nothing, because they become errors of
+/// files or of [`caught`]. Panics of other threads print one line. Must be called from the main
+/// thread.
 pub(super) fn report_once() {
     let main = std::thread::current().id();
     // A requested backtrace is still printed.

@@ -1,5 +1,5 @@
-//! The terminal output during stages: a spinner on a TTY, a bar for stages that report progress, and the
-//! stage table.
+//! The terminal output during stages: a spinner on a TTY, a bar for stages that report progress,
+//! and the stage table.
 
 use super::messages::{self, many, thousands};
 use super::{Global, flags};
@@ -63,7 +63,8 @@ impl Drop for Lines {
     }
 }
 
-/// Prints the stage table to stderr; shows a spinner or a bar for the running stage when stderr is a TTY.
+/// Prints the stage table to stderr; shows a spinner or a bar for the running stage when stderr is
+/// a TTY.
 #[derive(Debug)]
 pub struct Progress {
     lines: Lines,
@@ -262,7 +263,7 @@ fn pictures(details: &TeacherDetails) -> String {
     format!("{count} of {width}x{height} px")
 }
 
-// ---- The rows of the stage table for the steps of a capture ------------------------------------------
+// ---- The rows of the stage table for the steps of a capture -------------------------------------
 
 /// The middle of the row of a step; `None` for other stages.
 fn capture_row(stage: &StageReport) -> Option<String> {

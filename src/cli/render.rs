@@ -1,4 +1,5 @@
-//! `trisplat render FILE -o DIR`: pictures of a soup, a mesh or Gaussian splats, from given cameras or from a circle around it.
+//! `trisplat render FILE -o DIR`: pictures of a soup, a mesh or Gaussian splats, from given cameras
+//! or from a circle around it.
 
 use super::Global;
 use super::inputs::Inputs;
@@ -68,7 +69,7 @@ fn check_folder(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-// ---- A folder of pictures, one per photo and named like it -------------------------------------------
+// ---- A folder of pictures, one per photo and named like it --------------------------------------
 
 /// Where each picture goes.
 #[derive(Debug)]
@@ -77,9 +78,13 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    /// Names a picture for each photo and makes the folder, locked for other programs while `outputs` exists.
+    /// Names a picture for each photo and makes the folder, locked for other programs while
+    /// `outputs` exists.
     ///
-    /// Errors: two photos that would have one picture, a picture that [`Outputs`] refuses, another program that writes into the folder.
+    /// # Errors
+    ///
+    /// Two photos that would have one picture, a picture that [`Outputs`] refuses, another program
+    /// that writes into the folder.
     pub(super) fn plan<'a>(
         option: &'static str,
         folder: &Path,

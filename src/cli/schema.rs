@@ -137,7 +137,7 @@ pub fn run(args: &SchemaArgs) -> Result<()> {
     Stdout.write_all(args.name.text().as_bytes()).map_err(|e| Error::io("-", e))
 }
 
-// ---- What is generated from the flags: manual pages and completions ----------------------------------
+// ---- What is generated from the flags: manual pages and completions -----------------------------
 
 /// The main page, which names all others.
 const PROGRAM_PAGE: &str = "trisplat.1";
@@ -159,8 +159,8 @@ pub fn man(args: &ManArgs, program: clap::Command) -> Result<()> {
     folder.publish(PROGRAM_PAGE)
 }
 
-/// Writes the pages of a command and its subcommands, each in one write, because rendering into a file would
-/// take hundreds.
+/// Writes the pages of a command and its subcommands, each in one write, because rendering into a
+/// file would take hundreds.
 fn write_pages(command: clap::Command, folder: &AtomicFolder) -> Result<()> {
     for below in command.get_subcommands().filter(|below| !below.is_hide_set()).cloned() {
         write_pages(below, folder)?;

@@ -1,9 +1,9 @@
-//! Requests to end the program. On Unix: Ctrl-C (SIGINT), SIGTERM, SIGQUIT and a closed terminal (SIGHUP). On
-//! Windows, which has no SIGTERM: Ctrl-C, Ctrl-Break and closing the console, which leaves the program some
-//! seconds.
+//! Requests to end the program. On Unix: Ctrl-C (SIGINT), SIGTERM, SIGQUIT and a closed terminal
+//! (SIGHUP). On Windows, which has no SIGTERM: Ctrl-C, Ctrl-Break and closing the console, which
+//! leaves the program some seconds.
 //!
-//! While an observer listens, the first one is a request. Otherwise, and the second time, it ends the program
-//! at once and removes its temporary files.
+//! While an observer listens, the first one is a request. Otherwise, and the second time, it ends
+//! the program at once and removes its temporary files.
 
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicI32, AtomicUsize, Ordering};
@@ -56,7 +56,8 @@ fn receive(signal: i32) {
     }
 }
 
-/// The exit code of a run that was asked to end: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP, 131 after SIGQUIT.
+/// The exit code of a run that was asked to end: 130 after Ctrl-C, 143 after SIGTERM, 129 after
+/// SIGHUP, 131 after SIGQUIT.
 pub(super) fn exit_code() -> Option<u8> {
     match RECEIVED.load(Ordering::Relaxed) {
         0 => None,

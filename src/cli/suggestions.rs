@@ -1,5 +1,5 @@
-//! Errors of the command line suggest a flag only when it is close to the typed one, and never a file named like a flag; of a target they
-//! suggest the one for the engine that was named.
+//! Errors of the command line suggest a flag only when it is close to the typed one, and never a
+//! file named like a flag; of a target they suggest the one for the engine that was named.
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Command, Error, ValueEnum};
@@ -13,7 +13,8 @@ use trisplat_train::TrainOptions;
 /// Fewer letters are the beginning of too many names.
 const SHORTEST_NAME: usize = 4;
 
-/// The error without suggestions that are far from the typed flag, and with a target for the name of an engine.
+/// The error without suggestions that are far from the typed flag, and with a target for the name
+/// of an engine.
 pub(super) fn plausible(mut error: Error) -> Error {
     if error.kind() == ErrorKind::InvalidValue && error.get(ContextKind::SuggestedValue).is_none() {
         if let Some(target) = meant_target(&error) {
@@ -95,7 +96,7 @@ fn near(typed: &str, suggested: &str) -> bool {
     begins || 3 * strsim::osa_distance(a, b) <= a.len().max(b.len())
 }
 
-// ---- The hint of an unknown flag that is a setting: `--contour 0.3` is typed `--set contour=0.3` -----
+// ---- The hint of an unknown flag that is a setting: `--contour 0.3` is typed `--set contour=0.3`
 
 /// `error` of the arguments `words`, with a hint if an unknown flag is a key of `--set`.
 pub(super) fn with_hint(mut error: Error, words: &[String]) -> Error {
@@ -131,7 +132,7 @@ fn has(options: &Value, field: &str) -> bool {
     own || options.as_object().into_iter().flatten().any(|(_, group)| group.get(field).is_some())
 }
 
-// ---- The short help (`-h`) of a command with many flags: those that people use, in a clause each -----
+// ---- The short help (`-h`) of a command with many flags: those that people use, in a clause each
 
 /// Commands whose flags do not fit one screen, and the fields that `-h` shows.
 const SHOWN: &[(&str, &str)] = &[

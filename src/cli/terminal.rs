@@ -17,7 +17,8 @@ use trisplat_scene::report::{StageEvent, counted};
 pub(super) struct Terminal<'a> {
     global: &'a Global,
     command: Command,
-    /// While it is there, a request to stop waits for the next event; otherwise it ends the program.
+    /// While it is there, a request to stop waits for the next event; otherwise it ends the
+    /// program.
     stop: Option<Listener>,
     captures: bool,
     /// Teachers that have begun.
@@ -100,7 +101,9 @@ impl<'a> Terminal<'a> {
 
     /// Shows a training that begins; its log goes to a file.
     ///
-    /// Errors: the log cannot be opened.
+    /// # Errors
+    ///
+    /// The log cannot be opened.
     pub(super) fn begin(&mut self, begins: &TrainBegins<'_>, log: Option<&Path>) -> Result<()> {
         self.stop.get_or_insert_with(Listener::new);
         let lost = self.bar.take().map_or_else(Vec::new, |mut bar| bar.done());

@@ -28,8 +28,8 @@ use trisplat_train::{
     TrainSample, Trained, checkpoint,
 };
 
-/// Trains, with an optional observer; `matches` holds the typed flags. Returns the exit code of a run that
-/// was finished, or stopped cleanly.
+/// Trains, with an optional observer; `matches` holds the typed flags. Returns the exit code of a
+/// run that was finished, or stopped cleanly.
 pub fn run(
     args: &TrainArgs,
     matches: &ArgMatches,
@@ -223,7 +223,8 @@ impl TrainTerminal<'_, '_> {
     }
 }
 
-/// The end of the program: success, stopped, or an error that names missing outputs beside the scene.
+/// The end of the program: success, stopped, or an error that names missing outputs beside the
+/// scene.
 fn ended(args: &TrainArgs, trained: &Trained, lost: &[String]) -> Result<ExitCode> {
     match lost.is_empty() {
         true => Ok(signals::exit_code()
@@ -239,8 +240,8 @@ fn ended(args: &TrainArgs, trained: &Trained, lost: &[String]) -> Result<ExitCod
     }
 }
 
-/// The checkpoint of `--resume`, and the faults of newer ones. Its run keeps its options, because with others
-/// it would be another run.
+/// The checkpoint of `--resume`, and the faults of newer ones. Its run keeps its options, because
+/// with others it would be another run.
 fn checkpoint_to_resume(
     args: &TrainArgs,
     matches: &ArgMatches,
@@ -379,8 +380,8 @@ fn write(
     Ok(())
 }
 
-/// The error of a scene that could not be written; the scene is saved in the system's temporary folder if
-/// possible.
+/// The error of a scene that could not be written; the scene is saved in the system's temporary
+/// folder if possible.
 fn rescued(error: Error, args: &TrainArgs, trained: &Trained) -> Error {
     let stem = args.output.file_stem().unwrap_or_default().to_string_lossy();
     let path = std::env::temp_dir().join(format!("{stem}.rescued-{}.ply", std::process::id()));

@@ -57,8 +57,9 @@ impl FromStr for BlockAddress {
 /// Files, outputs, and the options of the training.
 #[derive(Debug, clap::Args)]
 pub struct TrainArgs {
-    /// Folder of posed photos (COLMAP model or transforms.json). Without it the scene of --from teaches
-    /// itself: it is drawn from its stored cameras and from between them, or from chosen places.
+    /// Folder of posed photos (COLMAP model or transforms.json). Without it the scene of --from
+    /// teaches itself: it is drawn from its stored cameras and from between them, or from chosen
+    /// places.
     #[arg(value_name = "DATASET", required_unless_present_any = ["from", "block"])]
     pub dataset: Option<PathBuf>,
     /// Soup to write, .ply.
@@ -72,9 +73,10 @@ pub struct TrainArgs {
         hide_default_value = true
     )]
     pub output: PathBuf,
-    /// Train one block of a plan that `trisplat plan` wrote, as in city/manifest.json:17. Its result goes
-    /// beside the plan, under a name with a hash of its inputs. An existing result is kept, and a stopped
-    /// training continues. DATASET, if given, is the present place of the photos.
+    /// Train one block of a plan that `trisplat plan` wrote, as in city/manifest.json:17. Its
+    /// result goes beside the plan, under a name with a hash of its inputs. An existing result is
+    /// kept, and a stopped training continues. DATASET, if given, is the present place of the
+    /// photos.
     #[arg(long, value_name = "PLAN:BLOCK", conflicts_with_all = BLOCK_FIXES)]
     pub block: Option<BlockAddress>,
     /// Replace files that are there.
@@ -86,15 +88,15 @@ pub struct TrainArgs {
     /// Set any training option by its key, as in densify.every=500; may be given often.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
-    /// Start from a scene instead of points: a soup (.ply .pt), soft or not, or a mesh (.glb .gltf .obj .ply
-    /// .off); --preset solid hardens it.
+    /// Start from a scene instead of points: a soup (.ply .pt), soft or not, or a mesh (.glb .gltf
+    /// .obj .ply .off); --preset solid hardens it.
     #[arg(long, value_name = "SCENE")]
     pub from: Option<PathBuf>,
     /// A soft scene beside the photos.
     #[command(flatten)]
     pub teacher: TeacherArgs,
-    /// Resume from a checkpoint, or from the newest whole one of a folder, with its options. Photos, cameras
-    /// and --background must be unchanged.
+    /// Resume from a checkpoint, or from the newest whole one of a folder, with its options.
+    /// Photos, cameras and --background must be unchanged.
     #[arg(long, value_name = "FILE|FOLDER")]
     pub resume: Option<PathBuf>,
     /// Resume even if photos, cameras or --background have changed.
@@ -128,15 +130,16 @@ pub struct TrainArgs {
     /// Seconds between preview pictures.
     #[arg(long, value_name = "SECS", default_value_t = 10.0, value_parser = seconds)]
     pub preview_every: f64,
-    /// Watch the scene in a window while it trains, baked as it is or soft. Closing the window does not end
-    /// the training.
+    /// Watch the scene in a window while it trains, baked as it is or soft. Closing the window does
+    /// not end the training.
     #[arg(long, conflicts_with = "block")]
     pub view: bool,
     /// Stop like Ctrl-C after this many CPU seconds; 0: never.
     #[arg(long, value_name = "SECS", default_value_t = 0.0, value_parser = seconds)]
     pub max_cpu_secs: f64,
-    /// Choose steps, triangles and the size of photos so that the command takes this much CPU time, on all
-    /// cores together: 90, 30s, 2m or 1.5h. Given values of --max-triangles and --max-size are kept.
+    /// Choose steps, triangles and the size of photos so that the command takes this much CPU time,
+    /// on all cores together: 90, 30s, 2m or 1.5h. Given values of --max-triangles and --max-size
+    /// are kept.
     #[arg(long, value_name = "TIME", conflicts_with_all = ["steps", "budget_wall"])]
     pub budget: Option<Seconds>,
     /// Like --budget, in wall-clock time.
@@ -167,18 +170,18 @@ fn seconds(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|secs| (0.0..=LONGEST).contains(secs)).ok_or_else(wants)
 }
 
-// ---- The flags of a training's teacher ---------------------------------------------------------------
+// ---- The flags of a training's teacher ----------------------------------------------------------
 
 /// The teacher: a soft scene beside the photos.
 #[derive(Debug, clap::Args)]
 pub struct TeacherArgs {
-    /// Also train on pictures of this soft scene, drawn from half way between neighbouring photos. auto:
-    /// train one first and keep it as OUT.teacher.ply. off: no teacher, as by default. A teacher helps rooms
-    /// of few photos, and costs dense captures time.
+    /// Also train on pictures of this soft scene, drawn from half way between neighbouring photos.
+    /// auto: train one first and keep it as OUT.teacher.ply. off: no teacher, as by default. A
+    /// teacher helps rooms of few photos, and costs dense captures time.
     #[arg(long, value_name = "SCENE|auto|off", requires = "dataset")]
     pub teacher: Option<TeacherSource>,
-    /// Share of the steps that use these pictures, 0 to 0.9, at most one picture per place between the
-    /// photos. Two thirds by default.
+    /// Share of the steps that use these pictures, 0 to 0.9, at most one picture per place between
+    /// the photos. Two thirds by default.
     #[arg(long, value_name = "SHARE", requires = "teacher", value_parser = share)]
     pub teacher_share: Option<f64>,
 }
@@ -197,7 +200,7 @@ pub(super) fn beside(output: &Path) -> PathBuf {
     output.with_extension(TEACHER_FILE)
 }
 
-// ---- The command that continues a training that was stopped ------------------------------------------
+// ---- The command that continues a training that was stopped -------------------------------------
 
 /// Flags that apply only to this part of the run.
 const ONCE: [&str; 4] = ["resume", "force_resume", "force", "max_cpu_secs"];

@@ -34,8 +34,8 @@ pub struct Bar {
 const RATE_SECS: f64 = 3.0;
 
 impl Bar {
-    /// A bar over `steps`, with `done` made already. A log file begins with the samples `before` of the
-    /// resumed run.
+    /// A bar over `steps`, with `done` made already. A log file begins with the samples `before` of
+    /// the resumed run.
     pub fn new(
         global: &Global,
         steps: u64,
@@ -63,8 +63,8 @@ impl Bar {
         self.lines.print(text);
     }
 
-    /// Removes the bar and returns outputs that could not be written. From here on the first Ctrl-C ends the
-    /// program.
+    /// Removes the bar and returns outputs that could not be written. From here on the first Ctrl-C
+    /// ends the program.
     pub fn done(&mut self) -> Vec<String> {
         self.stop = None;
         self.lines.clear();
@@ -79,7 +79,9 @@ impl Bar {
 
     /// Removes the bar; returns whether the training of `what` was stopped.
     ///
-    /// Errors: it was stopped without a checkpoint.
+    /// # Errors
+    ///
+    /// It was stopped without a checkpoint.
     pub fn is_stopped(&mut self, what: &str, trained: &Trained) -> Result<bool> {
         let lost = self.done().join("; ");
         match &trained.checkpoint {

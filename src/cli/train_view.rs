@@ -6,8 +6,8 @@
 //!         └───────────────── a scene is wanted ───────────────────┘
 //! ```
 //!
-//! Showing a scene costs a copy, a bake and an upload, and this work slows the training. So each is followed
-//! by a pause of many times its duration.
+//! Showing a scene costs a copy, a bake and an upload, and this work slows the training. So each is
+//! followed by a pause of many times its duration.
 
 use super::inputs::Inputs;
 use super::train::{self, Watcher};
@@ -29,8 +29,8 @@ use trisplat_view::window::{
     self, SceneChange, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowScene,
 };
 
-/// Pause after showing a scene, and after a soft picture, as a multiple of its duration. Both use a core that
-/// trains: together less than a twentieth of the time of two cores.
+/// Pause after showing a scene, and after a soft picture, as a multiple of its duration. Both use a
+/// core that trains: together less than a twentieth of the time of two cores.
 const REST: f64 = 20.0;
 /// The shortest pause between two scenes.
 const SHORTEST: Duration = Duration::from_millis(200);
@@ -51,7 +51,9 @@ enum WatchMessage {
 
 /// Trains on another thread, because the window needs this one.
 ///
-/// Errors: no window can be opened; those of the training.
+/// # Errors
+///
+/// No window can be opened; those of the training.
 pub(super) fn run(
     args: &TrainArgs,
     matches: &ArgMatches,
@@ -100,8 +102,8 @@ fn folder(args: &TrainArgs) -> PathBuf {
     args.output.parent().unwrap_or(Path::new("")).to_owned()
 }
 
-/// Starts the training when the window is open, and waits for its first scene; also reads files dropped on
-/// the window.
+/// Starts the training when the window is open, and waits for its first scene; also reads files
+/// dropped on the window.
 fn loader(args: &TrainArgs, follower: Follower, start: Sender<()>) -> SceneLoader {
     let follower = Arc::new(Mutex::new(follower));
     let start = Mutex::new(Some(start));

@@ -17,8 +17,9 @@ use trisplat_view::window::{
 /// What to show, and how.
 #[derive(Debug, Clone, clap::Args)]
 pub struct ViewArgs {
-    /// Scene to show: .glb .gltf .obj .off .ply .pt; a soup is baked in memory. Gaussian splats (.ply .splat .spz .sog .glb) are drawn
-    /// as triangles in motion, and as their trainers draw them in the look `soft` at rest.
+    /// Scene to show: .glb .gltf .obj .off .ply .pt; a soup is baked in memory. Gaussian splats
+    /// (.ply .splat .spz .sog .glb) are drawn as triangles in motion, and as their trainers draw
+    /// them in the look `soft` at rest.
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// Data set whose cameras can be visited, with the photos beside or over the picture.

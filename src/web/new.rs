@@ -1,4 +1,5 @@
-//! `operator new` and `operator delete` for meshopt's C++, which has no library of its own in WebAssembly.
+//! `operator new` and `operator delete` for meshopt's C++, which has no library of its own in
+//! WebAssembly.
 
 #![allow(unsafe_code)] // It hands out raw memory.
 

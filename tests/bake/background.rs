@@ -84,8 +84,8 @@ fn between() -> impl Iterator<Item = Camera> {
     })
 }
 
-/// A baked scene over a colour, against the soft `object` alone over that colour, from between the cameras: PSNR, dB, and the share of the
-/// pixels beside the object that do not show the colour.
+/// A baked scene over a colour, against the soft `object` alone over that colour, from between the
+/// cameras: PSNR, dB, and the share of the pixels beside the object that do not show the colour.
 fn over(asset: &Asset, object: &Soup, background: [f32; 3]) -> (f64, f64) {
     let drawn = |background| SoftOptions { background, ..SoftOptions::default() };
     let soft = |background| Teacher::new(object.clone(), &eyes(), &drawn(background));
@@ -131,7 +131,8 @@ fn no_background_can_tell_which_one_an_object_was_trained_on() {
     }
 }
 
-/// The same, trained solid for some steps on its own pictures. Fitting has tests of its own: without it, so few steps are worth keeping.
+/// The same, trained solid for some steps on its own pictures. Fitting has tests of its own:
+/// without it, so few steps are worth keeping.
 fn hardened(soup: Soup, background: BackgroundFrom) -> Asset {
     let mut options = BakeOptions {
         background: BackgroundOptions { background },

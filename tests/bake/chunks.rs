@@ -96,7 +96,8 @@ fn a_chunk_fits_16_bit_indices() {
     const { assert!(3 * MAX_CHUNK_TRIANGLES <= 65_535) };
 }
 
-/// Chunks are better than runs of the same size along a curve, and triangles of another scale get their own.
+/// Chunks are better than runs of the same size along a curve, and triangles of another scale get
+/// their own.
 #[test]
 fn large_triangles_do_not_bloat_the_chunks_of_small_ones() {
     let mut soup = studio(20_000, 2);

@@ -5,8 +5,8 @@ use proptest::prelude::*;
 use trisplat_bake::{area_factor, contour_factor, shrink};
 use trisplat_scene::Rng;
 
-/// The window at `p`: distance to the nearest edge over the inradius, to the power σ (eq. 1), straight from the
-/// definition.
+/// The window at `p`: distance to the nearest edge over the inradius, to the power σ (eq. 1),
+/// straight from the definition.
 fn window(corners: &[DVec2; 3], p: DVec2, sigma: f64) -> f64 {
     let [a, b, c] = *corners;
     let orientation = (b - a).perp_dot(c - a).signum();
@@ -36,7 +36,8 @@ fn points(corners: &[DVec2; 3], count: u64) -> impl Iterator<Item = DVec2> {
     })
 }
 
-/// The mean of the window is 2 / ((σ + 1)(σ + 2)) on any triangle, so the area factor squared is the mean alpha.
+/// The mean of the window is 2 / ((σ + 1)(σ + 2)) on any triangle, so the area factor squared is
+/// the mean alpha.
 #[test]
 fn area_factor_is_the_mean_alpha() {
     let triangles = [

@@ -7,7 +7,8 @@ use trisplat_dataset::{Dataset, DatasetOptions, exposure::ExposureUse};
 use trisplat_formats::{self as formats, ReadOptions};
 use trisplat_scene::report::{Report, StageDetails};
 
-/// What the stages say of the sample scene, baked with these photos as if `trained` on shares of their corrections.
+/// What the stages say of the sample scene, baked with these photos as if `trained` on shares of
+/// their corrections.
 fn baked(photos: &Path, exposure: ExposureUse, trained: Option<[f32; 3]>) -> Report {
     let options = DatasetOptions::default();
     let mut views = Views::new(&Dataset::load(photos, &options).unwrap(), &options);

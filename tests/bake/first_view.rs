@@ -10,7 +10,8 @@ use trisplat_formats::{
 use trisplat_raster::framing::{Surroundings, orbit};
 use trisplat_scene::{Asset, ImportedScene, Scene};
 
-/// The README's first file, as its first command bakes it, without the slow part that changes no place.
+/// The README's first file, as its first command bakes it, without the slow part that changes no
+/// place.
 fn studio() -> Asset {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups/studio.ply");
     let scene = formats::read(&path, &ReadOptions::default()).expect("a sample");

@@ -11,7 +11,8 @@ use trisplat_scene::{
     report::Outcome,
 };
 
-/// Triangles scattered about a ball of radius 1, each tilted by up to some 40 degrees, every third one wound inward.
+/// Triangles scattered about a ball of radius 1, each tilted by up to some 40 degrees, every third
+/// one wound inward.
 fn scattered(count: usize) -> Mesh {
     let rng = Rng::new(5, "lit", 0);
     let random = |i: usize| 2.0 * rng.uniform(i as u64) - 1.0;
@@ -64,7 +65,8 @@ fn angles(how: Lit, cameras: &[Camera], surface: Option<&Mesh>) -> (Mesh, LitDet
 fn flat_normals_face_the_cameras() {
     let (flat, details, off) = angles(Lit::Flat, &around(), None);
     assert_eq!((details.cameras, details.on_surface), (20, 0));
-    // Every third one was wound inward; a few are hidden, or tilted so far that their back is seen more.
+    // Every third one was wound inward; a few are hidden, or tilted so far that their back is seen
+    // more.
     assert!(details.flipped.abs_diff(1334) < 40 && details.unseen < 40, "{details:?}");
     assert!((0..flat.face_count()).all(|f| flat.normals[f].dot(flat.flat_normal(f)) > 0.999));
     assert!(off[2000] > 15.0, "the triangles are tilted, {}", off[2000]);
@@ -77,7 +79,8 @@ fn cameras_are_counted_that_were_used() {
     assert_eq!(details.cameras, 84, "every third of 250: at most 100 are asked");
 }
 
-/// Share of the triangles whose normal points out of their back: an engine turns it around for who sees their front.
+/// Share of the triangles whose normal points out of their back: an engine turns it around for who
+/// sees their front.
 fn dark(mesh: &Mesh) -> f64 {
     let from_behind = |f: usize| mesh.flat_normal(f).dot(mesh.normals[f]) < 0.0;
     (0..mesh.face_count()).filter(|f| from_behind(*f)).count() as f64 / mesh.face_count() as f64

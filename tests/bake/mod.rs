@@ -1,4 +1,5 @@
-//! The stages of the bake: each by itself, each on every hostile soup, and what they promise together.
+//! The stages of the bake: each by itself, each on every hostile soup, and what they promise
+//! together.
 
 mod background;
 mod chunks;

@@ -157,7 +157,8 @@ fn a_textured_scene_and_a_coloured_one_keep_both() {
         mesh.positions.iter_mut().for_each(|p| p.x += by);
         mesh
     };
-    // One with a colour per triangle, one with colours that run from corner to corner, one with indices.
+    // One with a colour per triangle, one with colours that run from corner to corner, one with
+    // indices.
     let flat = moved(&painted(), 5.0);
     let mut smooth = moved(&painted(), 10.0);
     smooth.vertex_colors().iter_mut().enumerate().for_each(|(i, color)| color[i % 3] *= 0.5);

@@ -1,4 +1,5 @@
-//! The stages that use photos: `unseen`, `backdrop` and `refit`. The photos are drawn from a scene with known colours.
+//! The stages that use photos: `unseen`, `backdrop` and `refit`. The photos are drawn from a scene
+//! with known colours.
 
 use super::hostile::random_triangle;
 use glam::{UVec2, Vec2, Vec3};
@@ -90,7 +91,8 @@ fn camera(view: usize) -> Camera {
     lens.looking(Vec3::new(3.0 * angle.cos(), height, 3.0 * angle.sin()), Vec3::ZERO, Vec3::NEG_Y)
 }
 
-/// Photographs `mesh` into a data set on disk, as finely sampled as photos are; `develop` may change a photo.
+/// Photographs `mesh` into a data set on disk, as finely sampled as photos are; `develop` may
+/// change a photo.
 pub(super) fn photograph(
     mesh: &Mesh,
     develop: impl Fn(usize, RgbImage) -> RgbImage,
@@ -193,7 +195,8 @@ fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
     assert_eq!(behind(BackdropWhen::Auto), 0);
     assert!(behind(BackdropWhen::Sphere) > 0);
 
-    // Masks that cut drop what lies mostly beside the thing; those that are not read drop nothing; and who keeps what is unseen keeps this.
+    // Masks that cut drop what lies mostly beside the thing; those that are not read drop nothing;
+    // and who keeps what is unseen keeps this.
     assert!(drop(&UnseenOptions::default(), Masks::Cut).1 >= masked);
     assert_eq!(drop(&UnseenOptions::default(), Masks::Off).1, None);
     let keep = UnseenOptions { keep_unseen: true, ..UnseenOptions::default() };
@@ -270,7 +273,8 @@ fn colours_that_are_right_stay() {
     assert!(difference(&mesh, &flat) < 0.5, "{details:?}");
 }
 
-/// A truth of one colour per triangle, none of them dark, and the same with the blue of four faces at 0.
+/// A truth of one colour per triangle, none of them dark, and the same with the blue of four faces
+/// at 0.
 fn without_blue() -> (Mesh, Mesh) {
     let truth = scene();
     let color = |face: usize| match face % 25 {

@@ -6,7 +6,8 @@ use std::path::Path;
 use trisplat_formats::{ReadOptions, Source, ply};
 use trisplat_scene::{Asset, Hit, Provenance, Rng, Scene, mesh::Mesh};
 
-/// The nearest hit by looking at every face; the plane equation and three edge tests, unlike the library.
+/// The nearest hit by looking at every face; the plane equation and three edge tests, unlike the
+/// library.
 fn brute_force(mesh: &Mesh, origin: Vec3, direction: Vec3) -> Option<Hit> {
     let origin = origin.as_dvec3();
     let direction = direction.as_dvec3();

@@ -77,7 +77,8 @@ fn fitted_triangles_come_closer_to_pictures_they_were_not_fitted_to() {
 
 #[test]
 fn a_closed_scene_stays_closed() {
-    // A box around the ball and the cameras, in a colour that the pictures do not have: they are black there.
+    // A box around the ball and the cameras, in a colour that the pictures do not have: they are
+    // black there.
     let corner = |i: usize| {
         Vec3::from([i & 1, i >> 1 & 1, i >> 2 & 1].map(|b| 9.0 * (2.0 * b as f32 - 1.0)))
     };

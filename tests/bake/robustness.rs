@@ -1,5 +1,6 @@
-//! Every stage with every preset on every hostile soup: nothing panics, nothing non-finite comes out, every
-//! result is valid, and a second run has nothing to do. The stages that need cameras are in `photos.rs`.
+//! Every stage with every preset on every hostile soup: nothing panics, nothing non-finite comes
+//! out, every result is valid, and a second run has nothing to do. The stages that need cameras are
+//! in `photos.rs`.
 
 use super::hostile;
 use std::ops::ControlFlow::Continue;

@@ -23,7 +23,8 @@ fn octahedron() -> Soup {
     shell
 }
 
-/// A thing right before a triangle of the shell, nearer than the thickness that was once guessed for it: flat pieces in its plane.
+/// A thing right before a triangle of the shell, nearer than the thickness that was once guessed
+/// for it: flat pieces in its plane.
 fn subject(count: u64) -> Soup {
     let normal = Vec3::ONE.normalize();
     let flat = |i: u64| {
@@ -101,7 +102,8 @@ fn a_closed_far_shell_of_any_soup_is_the_backdrop() {
     assert_eq!(both.provenance.backdrop, 2 * 4 * 402, "the domes of several inputs stay");
 }
 
-/// A dome of radius 20 with one grey per face, which is at least 100 codes from those of its neighbours.
+/// A dome of radius 20 with one grey per face, which is at least 100 codes from those of its
+/// neighbours.
 fn gems() -> Mesh {
     const CUTS: u32 = 2;
     let (corners, faces) = octasphere(CUTS);
@@ -138,7 +140,8 @@ fn in_dome(copies: usize) -> Mesh {
 }
 
 fn baked_dome(copies: usize, photos: Option<&Dataset>, when: BackdropWhen) -> Asset {
-    // Photos of surroundings whose colour changes all around are no photos of different white balance.
+    // Photos of surroundings whose colour changes all around are no photos of different white
+    // balance.
     let exposure = BakeOptions::preset(BakePreset::Fast).exposure;
     let mut options = BakeOptions {
         force_dataset: true,
@@ -153,7 +156,8 @@ fn baked_dome(copies: usize, photos: Option<&Dataset>, when: BackdropWhen) -> As
     Bake::new(&options).photos(views.as_mut()).run([scene]).unwrap()
 }
 
-/// A turn from beside the scene: the largest step between neighbouring pixels of the dome, codes, and the pixels that show nothing.
+/// A turn from beside the scene: the largest step between neighbouring pixels of the dome, codes,
+/// and the pixels that show nothing.
 fn largest_step(mesh: &Mesh) -> (u8, usize) {
     let size = UVec2::new(160, 120);
     let center = Vec2::new(80.0, 60.0);
@@ -199,7 +203,8 @@ fn no_edge_of_a_dome_is_left_and_it_stays_closed() {
     let (_folder, dataset) = photos::photograph(&truth, |_, photo| photo);
     let (edges, _) = largest_step(&baked_dome(1, None, BackdropWhen::Off).mesh);
     assert!(edges >= 100, "{edges}");
-    // Of a large scene the dome is cut finer. In a small one photos would take many passes to pull such colours to theirs.
+    // Of a large scene the dome is cut finer. In a small one photos would take many passes to pull
+    // such colours to theirs.
     for (copies, with) in [(1, None), (11, None), (11, Some(&dataset))] {
         let asset = baked_dome(copies, with, BackdropWhen::Auto);
         let finer = if copies > 1 { 4 } else { 1 };

@@ -42,7 +42,8 @@ fn camera(eye: Vec3) -> Camera {
     lens.looking(eye, Vec3::ZERO, Vec3::NEG_Y)
 }
 
-/// A triangle of this size about `middle`, in the plane z = const, with its front towards -z or towards +z.
+/// A triangle of this size about `middle`, in the plane z = const, with its front towards -z or
+/// towards +z.
 fn upright(middle: Vec3, size: f32, towards_minus_z: bool) -> [Vec3; 3] {
     let [a, b, c] =
         [Vec3::new(-size, -size, 0.0), Vec3::new(size, -size, 0.0), Vec3::new(0.0, size, 0.0)];
@@ -52,7 +53,8 @@ fn upright(middle: Vec3, size: f32, towards_minus_z: bool) -> [Vec3; 3] {
 
 fn cards() -> Mesh {
     let triangles = [
-        // One turned away from the cameras and one towards them, one that stands behind another, and one above all pictures.
+        // One turned away from the cameras and one towards them, one that stands behind another,
+        // and one above all pictures.
         upright(Vec3::new(-0.5, 0.0, 0.0), 0.3, false),
         upright(Vec3::new(0.5, 0.0, 0.0), 0.3, true),
         upright(Vec3::new(0.5, 0.0, 0.3), 0.1, true),
@@ -118,7 +120,8 @@ fn both_sides_stay_where_they_are_asked_for_or_given() {
     assert_eq!(mesh, given, "a mesh that says it keeps its sides");
 }
 
-/// A ball, which photos all around show from outside, and cards around it, which they show from both sides.
+/// A ball, which photos all around show from outside, and cards around it, which they show from
+/// both sides.
 fn ball_and_cards() -> Mesh {
     let (corners, faces) = octasphere(3);
     let ball = faces.iter().map(|face| face.map(|i| corners[i as usize]));

@@ -20,7 +20,8 @@ fn around(direction: Vec3) -> [f32; 3] {
     [0.3 + 0.25 * d.x, 0.4 - 0.3 * d.y, 0.3 + 0.25 * d.z]
 }
 
-/// A sphere of radius 20 with a colour per corner, or with one per face that has nothing to do with it.
+/// A sphere of radius 20 with a colour per corner, or with one per face that has nothing to do with
+/// it.
 pub(super) fn sphere(gems: bool) -> Mesh {
     let (corners, faces) = octasphere(if gems { 2 } else { 5 });
     let positions: Vec<Vec3> =
@@ -32,7 +33,8 @@ pub(super) fn sphere(gems: bool) -> Mesh {
     Mesh { shell: vec![gems; faces.len()], positions, colors, ..Mesh::default() }
 }
 
-/// The scene of the photos with a shell of gems behind it, and photos of it with the true surroundings.
+/// The scene of the photos with a shell of gems behind it, and photos of it with the true
+/// surroundings.
 fn photographed() -> (Mesh, tempfile::TempDir, trisplat_dataset::Dataset) {
     let mut truth = grey(&scene());
     let mut trained = grey(&scene());
@@ -50,7 +52,8 @@ fn baked(
     let mut options = BakeOptions { force_dataset: true, ..BakeOptions::DEFAULT };
     options.backdrop.backdrop = BackdropWhen::Sky;
     options.place.up = "y".parse().unwrap();
-    // Photos of surroundings whose colour changes all around are no photos of different white balance.
+    // Photos of surroundings whose colour changes all around are no photos of different white
+    // balance.
     options.exposure = BakeOptions::preset(BakePreset::Fast).exposure;
     change(&mut options);
     let mut views = dataset.map(views);
@@ -75,8 +78,9 @@ fn apart(a: [u8; 3], b: [u8; 3]) -> i32 {
     (0..3).map(|c| (i32::from(a[c]) - i32::from(b[c])).abs()).max().unwrap()
 }
 
-/// The largest step between neighbouring pixels of the rows between two shares of the height, and the mean and largest difference from the surroundings,
-/// which are turned by `turn` in the file; codes.
+/// The largest step between neighbouring pixels of the rows between two shares of the height, and
+/// the mean and largest difference from the surroundings, which are turned by `turn` in the file;
+/// codes.
 fn step_and_error(sky: &RgbImage, rows: [f32; 2], turn: impl Fn(Vec3) -> Vec3) -> (i32, f64, i32) {
     let width = sky.size.x as usize;
     let height = sky.size.y as usize;

@@ -1,4 +1,5 @@
-//! `--crop subject`: what is kept of a thing on a table, and how large a viewer shows it that frames the whole file.
+//! `--crop subject`: what is kept of a thing on a table, and how large a viewer shows it that
+//! frames the whole file.
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::collections::{HashMap, HashSet};
@@ -128,7 +129,8 @@ fn the_thing_and_a_hands_breadth_of_the_table_are_kept_with_the_origin_under_the
     );
 }
 
-/// The shares of the ball and of all triangles in a picture that a viewer frames: a ball around what is in the file fills the height.
+/// The shares of the ball and of all triangles in a picture that a viewer frames: a ball around
+/// what is in the file fills the height.
 fn shares(mesh: &Mesh) -> [f32; 2] {
     let (low, high) = bounds(mesh);
     let center = (low + high) / 2.0;
@@ -163,7 +165,8 @@ fn rim(mesh: &Mesh) -> [f32; 16] {
     edge
 }
 
-/// A block on the same table is none of its business, even if it is large and near; nor is what photos show beyond the table's edge.
+/// A block on the same table is none of its business, even if it is large and near; nor is what
+/// photos show beyond the table's edge.
 #[test]
 fn what_stands_beside_it_is_left_out() {
     let mut room = studio();
@@ -221,7 +224,8 @@ fn a_soup_is_cut_along_its_edge() {
     assert!((area / disc - 1.0).abs() < 0.02, "{area} of {disc}");
 }
 
-/// The surface is cut, not the scene: triangles of the table that reach over the edge leave no holes, and there are no crumbs.
+/// The surface is cut, not the scene: triangles of the table that reach over the edge leave no
+/// holes, and there are no crumbs.
 #[test]
 fn the_surface_of_the_thing_ends_in_an_even_edge() {
     let mut options = MeshOptions::default();
@@ -241,7 +245,8 @@ fn the_surface_of_the_thing_ends_in_an_even_edge() {
     assert!((0.5..0.75).contains(&most) && (0..16).all(even), "{edge:?}");
 }
 
-/// Eighteen cameras all around the ball, which see nothing of its underside, nor of the table below it.
+/// Eighteen cameras all around the ball, which see nothing of its underside, nor of the table below
+/// it.
 fn around() -> Vec<Camera> {
     let camera = |i: usize| {
         let turn = i as f32 * std::f32::consts::TAU / 18.0;
@@ -299,7 +304,8 @@ fn borders(mesh: &Mesh) -> Vec<f32> {
     least
 }
 
-/// A picture from straight below, and which of its pixels show a triangle, or are beside all of them. `[H * W]`
+/// A picture from straight below, and which of its pixels show a triangle, or are beside all of
+/// them. `[H * W]`
 fn from_below(mesh: &Mesh) -> (RgbImage, Vec<bool>, Vec<bool>) {
     let (low, high) = bounds(mesh);
     let size = UVec2::splat(200);
@@ -328,7 +334,8 @@ fn from_below(mesh: &Mesh) -> (RgbImage, Vec<bool>, Vec<bool>) {
     (SolidRasterizer::new().render(mesh, &camera, &drawing), shows, beside)
 }
 
-/// How far the codes of the pixels of a thing are from its own, of 95% of them: where two meet, each has some of the other's.
+/// How far the codes of the pixels of a thing are from its own, of 95% of them: where two meet,
+/// each has some of the other's.
 fn off(picture: &RgbImage, shows: &[bool], grey: f32) -> u8 {
     let wants = (255.0 * trisplat_scene::math::color::srgb_from_linear(grey)).round() as u8;
     let shown = picture.rgb.iter().zip(shows).filter(|(_, shows)| **shows);

@@ -18,7 +18,8 @@ use trisplat_scene::{
 };
 use trisplat_teacher::{Teacher, ViewpointKind};
 
-/// Many faint triangles on a ball: blended they have the colours of their neighbours, not their own.
+/// Many faint triangles on a ball: blended they have the colours of their neighbours, not their
+/// own.
 pub(crate) fn ball() -> Soup {
     let place = |i: u64| {
         let y = 1.0 - 2.0 * (i as f32 + 0.5) / 3000.0;

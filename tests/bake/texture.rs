@@ -28,7 +28,8 @@ const AUTO: TextureOptions =
 pub(super) const ON: TextureOptions =
     TextureOptions { texture: TextureWhen::On, ..TextureOptions::DEFAULT };
 
-/// A wall of `across` by `across` squares of two triangles, 2 wide, with one colour each; slightly bent.
+/// A wall of `across` by `across` squares of two triangles, 2 wide, with one colour each; slightly
+/// bent.
 fn wall(across: u32, color: impl Fn(f32, f32) -> [f32; 3]) -> Mesh {
     let at = |i: u32| 2.0 * i as f32 / across as f32 - 1.0;
     let point = |x: u32, y: u32| Vec3::new(at(x), at(y), 0.05 * at(x) * at(x));
@@ -405,7 +406,8 @@ fn a_connected_surface_stays_connected_and_is_painted_in_charts() {
     assert!((psnr(&back) - after).abs() < 0.2);
 }
 
-/// Two halves of a wall: photos of even number are brighter than the others, and each shows one half only.
+/// Two halves of a wall: photos of even number are brighter than the others, and each shows one
+/// half only.
 #[test]
 fn the_best_photos_meet_without_a_seam() {
     let half = |view: usize| if view.is_multiple_of(2) { -1.0f32 } else { 1.0 };

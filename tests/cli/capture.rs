@@ -1,5 +1,5 @@
-//! `trisplat capture` with a program in place of COLMAP that notes what it is asked for and answers with a known model; and with pycolmap
-//! and ffmpeg, where they are installed.
+//! `trisplat capture` with a program in place of COLMAP that notes what it is asked for and answers
+//! with a known model; and with pycolmap and ffmpeg, where they are installed.
 #![cfg(unix)]
 
 use super::stderr;
@@ -55,7 +55,8 @@ impl Fake {
         std::fs::set_permissions(self.at(name), std::fs::Permissions::from_mode(0o755)).unwrap();
     }
 
-    /// Makes a video of the photos, four in a second, and lets the program find the ffmpeg of this shell; false where there is none.
+    /// Makes a video of the photos, four in a second, and lets the program find the ffmpeg of this
+    /// shell; false where there is none.
     pub(super) fn video(&self, name: &str, options: &[&str]) -> bool {
         let Some(ffmpeg) = which("ffmpeg") else {
             eprintln_not_checked("ffmpeg is not installed");
@@ -431,7 +432,8 @@ pub(super) fn heic(exif: &[u8], jpeg: &[u8]) -> Vec<u8> {
     [part(b"ftyp", b"heic\0\0\0\0mif1heic"), part(b"meta", &meta), part(b"mdat", jpeg)].concat()
 }
 
-/// As iPhones take them: programs turn them and say so, turn them and still say to turn them, or leave that to whoever reads the JPEG.
+/// As iPhones take them: programs turn them and say so, turn them and still say to turn them, or
+/// leave that to whoever reads the JPEG.
 #[test]
 fn heic_photos_are_converted_upright_with_their_focal_length() {
     let fake = Fake::new();

@@ -14,7 +14,8 @@ fn succeed(output: Output) -> String {
     stderr(&output)
 }
 
-/// A folder with a data set and the checkpoint `a.checkpoint` of a run that was stopped in the middle.
+/// A folder with a data set and the checkpoint `a.checkpoint` of a run that was stopped in the
+/// middle.
 fn stopped() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     crate::samples::photos(folder.path().join("photos"), [6, 24, 40], 0);

@@ -29,7 +29,8 @@ pub(super) fn fail(args: &[&str], parts: &[&str]) {
     }
 }
 
-/// A small soft soup and the sample data set, as strings for the command line, and the folder of the soup to write to.
+/// A small soft soup and the sample data set, as strings for the command line, and the folder of
+/// the soup to write to.
 pub(super) fn inputs() -> (String, String, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let text = |path: PathBuf| path.to_str().unwrap().to_owned();
@@ -38,7 +39,8 @@ pub(super) fn inputs() -> (String, String, tempfile::TempDir) {
     (soup, text(sample("dataset")), folder)
 }
 
-/// Evaluates `file` on the sample's held-out photos: the report, and the folder the drawings are in.
+/// Evaluates `file` on the sample's held-out photos: the report, and the folder the drawings are
+/// in.
 fn evaluated(file: &str, folder: &Path, name: &str, more: &[&str]) -> (EvalReport, PathBuf) {
     let renders = folder.join(name);
     let report = folder.join(name).with_extension("json");
@@ -49,7 +51,8 @@ fn evaluated(file: &str, folder: &Path, name: &str, more: &[&str]) -> (EvalRepor
     (serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap(), renders)
 }
 
-/// Scores the written files once more, with our metrics and with a program that shares no code with ours.
+/// Scores the written files once more, with our metrics and with a program that shares no code with
+/// ours.
 fn check_scores(step: &StepScore, renders: &Path) {
     let dataset = Dataset::load(sample("dataset"), &DatasetOptions::default()).unwrap();
     assert_eq!(step.images.len(), 5);
@@ -160,8 +163,8 @@ fn alike(a: &Path, b: &Path) -> f64 {
     least
 }
 
-/// Puts the cameras of the sample's photos into the file of a soup: a bake fits it to as many small pictures, not to large ones from chosen
-/// places, which takes most of a minute in all.
+/// Puts the cameras of the sample's photos into the file of a soup: a bake fits it to as many small
+/// pictures, not to large ones from chosen places, which takes most of a minute in all.
 fn store_cameras(soup: &Path) {
     use trisplat_formats::{ReadOptions, ply::write_soup, read};
     let loaded = read(soup, &ReadOptions::with_degree(3)).unwrap();
@@ -187,8 +190,8 @@ fn a_file_is_drawn_like_the_scene_it_was_made_from() {
         check_scores(&report.steps[0], &own);
         own
     };
-    // Turned, scaled and moved on the way out: the cameras still fit. What stays apart is how a format rounds
-    // colours, and samples that lie on an edge to the last bit.
+    // Turned, scaled and moved on the way out: the cameras still fit. What stays apart is how a
+    // format rounds colours, and samples that lie on an edge to the last bit.
     let placed = ["--up", "z", "--set", "scale=3", "--set", "center=true"];
     let solid = renders.join("solid");
     let both = written("a.glb", &["--set", "sides=both"]);

@@ -1,4 +1,5 @@
-//! What a folder holds, and what its files are called: nothing in it runs, and nothing outside of the output is written.
+//! What a folder holds, and what its files are called: nothing in it runs, and nothing outside of
+//! the output is written.
 #![cfg(unix)]
 
 use super::capture::{Fake, eprintln_not_checked, exif, heic, names};

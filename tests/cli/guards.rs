@@ -1,5 +1,5 @@
-//! Nothing that a command reads, or that what it reads names, is replaced, emptied or removed: tried for every option
-//! that names an output, with inputs of every kind.
+//! Nothing that a command reads, or that what it reads names, is replaced, emptied or removed:
+//! tried for every option that names an output, with inputs of every kind.
 
 use super::outputs::{folder, refused, run, state, succeed};
 use super::stderr;
@@ -45,8 +45,8 @@ fn large_folder() -> tempfile::TempDir {
     folder
 }
 
-/// Adds to the folder of a soup and a data set: hard links of photos by other names, loose photos, scenes of several files, options,
-/// a checkpoint, tiles, a plan and one whose blocks are trained.
+/// Adds to the folder of a soup and a data set: hard links of photos by other names, loose photos,
+/// scenes of several files, options, a checkpoint, tiles, a plan and one whose blocks are trained.
 fn inputs() -> tempfile::TempDir {
     let folder = large_folder();
     let at = |name: &str| folder.path().join(name);
@@ -85,7 +85,8 @@ fn inputs() -> tempfile::TempDir {
     folder
 }
 
-/// The files in `folder` whose names begin like `begin` and end like `end`, by their names from above.
+/// The files in `folder` whose names begin like `begin` and end like `end`, by their names from
+/// above.
 fn like(folder: &Path, inner: &str, begin: &str, end: &str) -> Vec<String> {
     let entries =
         std::fs::read_dir(folder.join(inner)).unwrap().map(|entry| entry.unwrap().file_name());
@@ -217,7 +218,8 @@ fn no_output_of_any_command_is_something_that_it_reads() {
             assert_eq!(state(folder.path()), before, "{line}");
         }
     }
-    // A log of a block is not emptied without --force either, and a scene's second file is not replaced.
+    // A log of a block is not emptied without --force either, and a scene's second file is not
+    // replaced.
     refused(folder.path(), &["train", "--block", "begun:0", "--log", PHOTO], &["--log", "input"]);
     refused(
         folder.path(),

@@ -1,4 +1,5 @@
-//! Inputs that claim too much, never end, or name what is not theirs: each is one error that names the file and the remedy.
+//! Inputs that claim too much, never end, or name what is not theirs: each is one error that names
+//! the file and the remedy.
 
 use super::{fails, sample, stderr, trisplat};
 use crate::folders::copy_folder;

@@ -17,7 +17,8 @@ fn the_version_names_where_it_is_from_and_its_features() {
     }
 }
 
-/// The line of the page installs from an archive that is packed as `.github/workflows/release.yml` packs it.
+/// The line of the page installs from an archive that is packed as `.github/workflows/release.yml`
+/// packs it.
 #[cfg(unix)]
 #[test]
 fn the_line_of_the_page_installs_a_release() {

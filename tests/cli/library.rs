@@ -1,4 +1,5 @@
-//! The library makes the bytes of the program: whatever is decided between options and files is decided in the library.
+//! The library makes the bytes of the program: whatever is decided between options and files is
+//! decided in the library.
 
 use super::train::{dataset, succeed, train};
 use super::train_teacher::{SHORT, few_photos, read, train_few};

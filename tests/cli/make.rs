@@ -101,7 +101,8 @@ fn a_make_that_is_killed_while_its_report_is_written_finishes_by_the_same_comman
     );
 }
 
-/// Four photos at quarters of a turn, `away` from the middle against their direction; of one color unless `textured`.
+/// Four photos at quarters of a turn, `away` from the middle against their direction; of one color
+/// unless `textured`.
 fn four_photos(folder: &Path, away: f64, textured: bool) {
     std::fs::create_dir_all(folder).unwrap();
     let frame = |i: u32| {
@@ -324,8 +325,8 @@ fn triangles(path: &Path) -> u64 {
         .unwrap()
 }
 
-/// A file of a subject is smaller than that of the whole scene, has nothing behind it and no camera beside it, which editors would frame too,
-/// and its origin is under it.
+/// A file of a subject is smaller than that of the whole scene, has nothing behind it and no camera
+/// beside it, which editors would frame too, and its origin is under it.
 fn is_a_subject(glb: &[u8], whole: usize) {
     let names = nodes(glb);
     let document = document(glb);

@@ -130,7 +130,8 @@ fn psnr(file: &Path, report: &Path) -> f64 {
     report["steps"][0]["mean"]["psnr"].as_f64().unwrap()
 }
 
-/// A limit counts the surroundings too, and leaves the scene what one looks at: a GLB is cut as well without its photos.
+/// A limit counts the surroundings too, and leaves the scene what one looks at: a GLB is cut as
+/// well without its photos.
 #[test]
 fn limits_count_surroundings_which_take_an_eighth_at_most() {
     let folder = tempfile::tempdir().unwrap();

@@ -167,7 +167,8 @@ fn training_and_evaluation_say_the_same_of_a_solid_soup() {
         "-v",
         "--teacher",
         "off",
-        // The bake solves the colours of a shell, and its solid scene is closer than the training's.
+        // The bake solves the colours of a shell, and its solid scene is closer than the
+        // training's.
         "--set",
         "init.shell_subdivisions=0",
     ];
@@ -246,8 +247,9 @@ fn a_soup_and_a_mesh_that_was_baked_from_one_merge_in_their_world() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     let bake = |arguments: &[&dyn AsRef<std::ffi::OsStr>]| {
-        // All turned alike: without it the cameras of one file would turn that file a little.
-        // And with their domes as part of the scene: a backdrop's triangles depend on what it stands behind.
+        // All turned alike: without it the cameras of one file would turn that file a little. And
+        // with their domes as part of the scene: a backdrop's triangles depend on what it stands
+        // behind.
         let bake: [&dyn AsRef<std::ffi::OsStr>; 3] = [&"bake", &"--up=0,-1,0", &"--backdrop=off"];
         let output = trisplat(&[&bake[..], arguments].concat());
         assert!(output.status.success(), "{}", stderr(&output));

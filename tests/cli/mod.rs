@@ -56,7 +56,8 @@ fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Runs, wants exit code 1, one line of error that holds all of `needles`, and no new file in `folder`.
+/// Runs, wants exit code 1, one line of error that holds all of `needles`, and no new file in
+/// `folder`.
 fn fails(folder: &Path, arguments: &[&dyn AsRef<std::ffi::OsStr>], needles: &[&str]) {
     let before = std::fs::read_dir(folder).unwrap().count();
     let output = trisplat(arguments);

@@ -1,5 +1,6 @@
-//! Memory that ends at any point of a command: the whole output, or an end that leaves everything as it was, but for temporary files
-//! that the next run removes. And what reading takes of it, against what a file holds.
+//! Memory that ends at any point of a command: the whole output, or an end that leaves everything
+//! as it was, but for temporary files that the next run removes. And what reading takes of it,
+//! against what a file holds.
 
 use super::{sample, stderr};
 use glam::Vec3;
@@ -21,7 +22,8 @@ fn bake_within(megabytes: u32, out: &Path) -> Output {
         .arg("-o")
         .arg(out);
     command.args(["--force", "--preset", "fast", "--lod", "0.5", "--threads", "2"]);
-    // To print where a panic was takes memory, and Rust's library waits for itself for ever where there is none.
+    // To print where a panic was takes memory, and Rust's library waits for itself for ever where
+    // there is none.
     command.env("RUST_BACKTRACE", "0").stdin(Stdio::null()).output().unwrap()
 }
 
@@ -56,7 +58,7 @@ fn whatever_memory_there_is_files_are_whole_or_as_they_were() {
     panic!("it never succeeded");
 }
 
-// ---- Memory of reading ---------------------------------------------------------------------------------
+// ---- Memory of reading --------------------------------------------------------------------------
 
 /// Output of `trisplat info FILE`, and the most memory that it had, bytes.
 fn info_of(file: &Path) -> (u64, Output) {
@@ -64,7 +66,8 @@ fn info_of(file: &Path) -> (u64, Output) {
     peak_of(command.args(["info", "--threads", "2"]).arg(file))
 }
 
-/// Output of a command, and the most memory that it had, bytes: the system's own mark, asked for until the program is gone.
+/// Output of a command, and the most memory that it had, bytes: the system's own mark, asked for
+/// until the program is gone.
 fn peak_of(command: &mut Command) -> (u64, Output) {
     command.stdin(Stdio::null());
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();

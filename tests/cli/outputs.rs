@@ -1,5 +1,5 @@
-//! Outputs at the command line: none is an input, a photo or another output; each is tried before work starts; what fails on the
-//! way costs nothing else.
+//! Outputs at the command line: none is an input, a photo or another output; each is tried before
+//! work starts; what fails on the way costs nothing else.
 
 use super::{fails, sample, stderr, trisplat};
 use crate::samples;
@@ -378,7 +378,8 @@ fn a_program_that_is_to_outlive_its_terminal_does() {
     assert_eq!(child.wait_with_output().unwrap().status.code(), Some(143));
 }
 
-/// A bake that takes long, once it has begun, and its temporary file; begun by a shell that does this first.
+/// A bake that takes long, once it has begun, and its temporary file; begun by a shell that does
+/// this first.
 #[cfg(unix)]
 fn long_bake(folder: &Path, first: &str) -> (std::process::Child, PathBuf) {
     let soup = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups/studio.ply");

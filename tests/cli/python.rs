@@ -1,5 +1,6 @@
-//! The Python module, built into a wheel and used from Python. It compiles the library once more, in over two minutes of CPU time, so it runs
-//! only when asked for: `TRISPLAT_PYTHON=1 tests/run.sh`, or `TRISPLAT_PYTHON=1 cargo test --test program python`.
+//! The Python module, built into a wheel and used from Python. It compiles the library once more,
+//! in over two minutes of CPU time, so it runs only when asked for: `TRISPLAT_PYTHON=1
+//! tests/run.sh`, or `TRISPLAT_PYTHON=1 cargo test --test program python`.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

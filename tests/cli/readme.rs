@@ -1,5 +1,6 @@
-//! The commands in README.md and docs/commands.md run, as a newcomer would type them; those that cannot run here are
-//! parsed. Pages of the documentation are short, and their links lead somewhere.
+//! The commands in README.md and docs/commands.md run, as a newcomer would type them; those that
+//! cannot run here are parsed. Pages of the documentation are short, and their links lead
+//! somewhere.
 
 #![allow(clippy::print_stderr, reason = "names the commands that are only parsed")]
 
@@ -24,7 +25,8 @@ fn commands() -> Vec<String> {
     lines.filter(|line| seen.insert(line.clone())).collect()
 }
 
-/// What the README's examples take for granted: the samples, somebody's photos and an author's checkpoint.
+/// What the README's examples take for granted: the samples, somebody's photos and an author's
+/// checkpoint.
 fn prepare(folder: &Path) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     copy_folder(&root.join("samples/dataset"), &folder.join("samples/dataset"));
@@ -94,7 +96,8 @@ fn every_command_of_the_readme_runs() {
             ["bash", "tests/run.sh"] | ["cargo", "install", "--path", "."] => continue,
             _ => panic!("a command of the README that no test knows: {command}"),
         };
-        // A window wants a screen and somebody to close it; tests/view opens one. Poses want another program; tests/cli/capture.rs has one.
+        // A window wants a screen and somebody to close it; tests/view opens one. Poses want
+        // another program; tests/cli/capture.rs has one.
         let only_parsed = ["view", "capture"].contains(&arguments[0]);
         for length in ["--steps", "--budget"] {
             if let Some(at) = arguments.iter().position(|a| *a == length) {

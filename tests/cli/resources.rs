@@ -1,4 +1,5 @@
-//! What inputs may cost, and what a system may lack: memory of decoders, threads, a folder for temporary files.
+//! What inputs may cost, and what a system may lack: memory of decoders, threads, a folder for
+//! temporary files.
 
 #[cfg(target_os = "linux")]
 use super::damaged::png;
@@ -26,8 +27,8 @@ fn dataset(folder: &Path, ending: &str, save: &dyn Fn(&Path)) -> PathBuf {
     folder.to_owned()
 }
 
-/// Peak memory of a training of few steps on photos that it shrinks, bytes: the least of eight runs, since a busy machine only adds: there,
-/// both threads decode at the same moment.
+/// Peak memory of a training of few steps on photos that it shrinks, bytes: the least of eight
+/// runs, since a busy machine only adds: there, both threads decode at the same moment.
 fn peak_of_training(data: &Path, megabytes: &str) -> u64 {
     (0..8).map(|_| peak_of_run(data, megabytes)).min().unwrap()
 }
@@ -200,7 +201,8 @@ fn a_training_goes_on_where_the_system_starts_no_more_threads() {
     let output = command.env("TMPDIR", folder.path()).stdin(Stdio::null()).output().unwrap();
     let text = stderr(&output);
     if is_root {
-        // The program itself, its signals and one worker: photos are decoded without threads of their own.
+        // The program itself, its signals and one worker: photos are decoded without threads of
+        // their own.
         assert!(output.status.success() && data.join("out.ply").is_file(), "{text}");
     } else {
         // The user has more threads already.

@@ -63,8 +63,8 @@ fn header(bytes: &[u8]) -> Vec<String> {
     lines.filter(|line| !line.starts_with("element ")).map(str::to_owned).collect()
 }
 
-/// Training has the same bits for any number of threads, but not on CPUs with other vector instructions
-/// (docs/numerics.md): there the file only is as large and as good.
+/// Training has the same bits for any number of threads, but not on CPUs with other vector
+/// instructions (docs/numerics.md): there the file only is as large and as good.
 #[test]
 fn trained_is_what_the_command_of_the_readme_writes() {
     let folder = tempfile::tempdir().unwrap();
@@ -166,7 +166,8 @@ fn the_package_holds_what_a_build_needs_and_nothing_else() {
     assert!(bytes < 10_000_000, "{bytes} bytes");
 }
 
-/// The scripts that `samples/cluster/slurm.sh` submits are those of a city of this name; nothing in it is executed.
+/// The scripts that `samples/cluster/slurm.sh` submits are those of a city of this name; nothing in
+/// it is executed.
 #[cfg(unix)]
 #[test]
 fn no_name_of_a_city_is_executed_by_the_cluster_script() {

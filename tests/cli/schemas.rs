@@ -29,8 +29,8 @@ fn schemas_are_current() {
     }
 }
 
-/// What Python's jsonschema package finds: one line per error, none when the value is valid. Without that Python
-/// `None` and a message, or a failure where the external tools are required.
+/// What Python's jsonschema package finds: one line per error, none when the value is valid.
+/// Without that Python `None` and a message, or a failure where the external tools are required.
 fn validate(name: SchemaName, value: &Value) -> Option<String> {
     const SCRIPT: &str = "import json, sys, jsonschema
 schema, value = json.load(sys.stdin)

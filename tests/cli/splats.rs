@@ -4,7 +4,8 @@ use super::{fails, stderr, trisplat};
 use std::path::{Path, PathBuf};
 use trisplat_scene::image::RgbImage;
 
-/// Two Gaussians as a trainer writes them, red before green, in front of a camera at the origin that looks along +z.
+/// Two Gaussians as a trainer writes them, red before green, in front of a camera at the origin
+/// that looks along +z.
 fn scene(folder: &Path) -> PathBuf {
     let names =
         "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";

@@ -1,4 +1,5 @@
-//! Gaussian splats become triangles: a ball of Gaussians, judged from places that no picture was drawn from.
+//! Gaussian splats become triangles: a ball of Gaussians, judged from places that no picture was
+//! drawn from.
 
 use super::{fails, stderr};
 use glam::Vec3;
@@ -10,8 +11,9 @@ use trisplat_scene::math::metric;
 
 /// Width and height of pictures, px.
 const SIDE: u32 = 144;
-/// Least dB of the ball's pictures: of a bake from chosen places, from listed cameras, and of a surface, which ends sharply where the ball fades.
-/// With corners that move almost three times as far they have 24.6, 28.9 and 21.4.
+/// Least dB of the ball's pictures: of a bake from chosen places, from listed cameras, and of a
+/// surface, which ends sharply where the ball fades. With corners that move almost three times as
+/// far they have 24.6, 28.9 and 21.4.
 const FLOORS: [f64; 3] = [25.0, 30.5, 22.0];
 
 /// Directions spread over the sphere.
@@ -177,7 +179,8 @@ fn gaussians_that_cannot_be_baked_say_why() {
     fails(folder.path(), &[&"bake", &file, &"-o", &glb], &["ball.ply", "dataset", "cameras.json"]);
 }
 
-/// Rods of 1:50 cover little of any picture; a lone one has no neighbours that tell how large it is.
+/// Rods of 1:50 cover little of any picture; a lone one has no neighbours that tell how large it
+/// is.
 #[test]
 fn thin_rods_alone_are_baked() {
     let folder = tempfile::tempdir().unwrap();

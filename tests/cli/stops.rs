@@ -103,7 +103,8 @@ fn typed(folder: &Path, words: &str) -> Command {
     command
 }
 
-/// Runs `command` and sends `signal` as soon as a line of what it says holds `line`, and `file` exists, if one is given.
+/// Runs `command` and sends `signal` as soon as a line of what it says holds `line`, and `file`
+/// exists, if one is given.
 #[cfg(unix)]
 fn stop(command: &mut Command, line: &str, file: Option<&Path>, signal: &str) -> Output {
     use std::io::{BufRead, BufReader, Read};

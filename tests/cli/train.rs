@@ -1,4 +1,5 @@
-//! `trisplat train` at the command line: the files it writes, and how a run that was stopped is resumed.
+//! `trisplat train` at the command line: the files it writes, and how a run that was stopped is
+//! resumed.
 
 use super::{fails, stderr};
 use std::path::{Path, PathBuf};
@@ -113,7 +114,8 @@ fn ctrl_c_and_sigterm_save_and_say_how_to_go_on() {
         let flags = ["-o", "a.ply", "--log", "a.log", "--log-every", "1", "--steps", "100000"];
         let mut command = train(folder.path(), &flags);
         let child = command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
-        // Once there is a sample, steps are made; a second signal would not wait for the checkpoint.
+        // Once there is a sample, steps are made; a second signal would not wait for the
+        // checkpoint.
         let clock = Instant::now();
         while std::fs::metadata(&log).map_or(0, |meta| meta.len()) == 0 {
             assert!(clock.elapsed() < Duration::from_secs(60), "no step was made");

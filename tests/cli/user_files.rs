@@ -1,4 +1,5 @@
-//! `capture` and `make` never delete or replace a file that they did not write, nor one that was changed since.
+//! `capture` and `make` never delete or replace a file that they did not write, nor one that was
+//! changed since.
 #![cfg(unix)]
 
 use super::capture::{Fake, names};

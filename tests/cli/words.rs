@@ -164,7 +164,8 @@ fn one_of_something_is_no_plural() {
     assert!(said.contains("wrote 1 picture to "), "{said}");
 }
 
-/// A number with its noun, as `counted` writes it, is never followed by the noun again: "520 steps steps".
+/// A number with its noun, as `counted` writes it, is never followed by the noun again: "520 steps
+/// steps".
 #[test]
 fn no_noun_is_said_twice() {
     let mut counted = 0;

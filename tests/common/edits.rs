@@ -109,8 +109,9 @@ fn apply(edit: &Edit, bytes: &mut Vec<u8>) {
     }
 }
 
-/// Gives `count` mutants of `seed`, unless TRISPLAT_FUZZ_CASES says how many, to `survive`, which panics when one is not
-/// survived; and again as many until the time of TRISPLAT_FUZZ_SECONDS is over. A failure is shrunk to the fewest edits and named by them.
+/// Gives `count` mutants of `seed`, unless TRISPLAT_FUZZ_CASES says how many, to `survive`, which
+/// panics when one is not survived; and again as many until the time of TRISPLAT_FUZZ_SECONDS is
+/// over. A failure is shrunk to the fewest edits and named by them.
 pub(crate) fn mutate(name: &str, seed: &[u8], count: u32, survive: impl Fn(&[u8])) {
     let cases =
         std::env::var("TRISPLAT_FUZZ_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(count);

@@ -5,8 +5,8 @@ use std::path::Path;
 use trisplat_scene::image::{Image, RgbImage};
 use trisplat_synthetic::PhotoTruth;
 
-/// Writes the photos of the sample into `folder` as a phone would have taken them from the same places, with the sample's poses. Returns
-/// what was done, photo by photo in order of name.
+/// Writes the photos of the sample into `folder` as a phone would have taken them from the same
+/// places, with the sample's poses. Returns what was done, photo by photo in order of name.
 pub(crate) fn phone_sample(folder: &Path) -> Vec<PhotoTruth> {
     let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/dataset");
     let files = |part: &str| {
@@ -36,7 +36,8 @@ pub(crate) fn phone_sample(folder: &Path) -> Vec<PhotoTruth> {
     (0..).zip(names).map(photo).collect()
 }
 
-/// The mean of how far `found` is from what was done to the photos of these names, both less their mean, per channel.
+/// The mean of how far `found` is from what was done to the photos of these names, both less their
+/// mean, per channel.
 pub(crate) fn error_of_gains(truth: &[PhotoTruth], names: &[&str], found: &[[f32; 3]]) -> f64 {
     assert_eq!(names.len(), found.len());
     let wanted: Vec<[f64; 3]> = names

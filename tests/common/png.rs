@@ -1,6 +1,7 @@
 //! PNG files made by hand, and damaged ones whose checksums fit: a decoder looks behind those.
 
-/// A PNG of `width` x `height` px, each one byte of an index into `palette` and its `opacity`, which may be any bytes.
+/// A PNG of `width` x `height` px, each one byte of an index into `palette` and its `opacity`,
+/// which may be any bytes.
 pub(crate) fn indexed(width: u32, height: u32, palette: &[u8], opacity: &[u8]) -> Vec<u8> {
     let header = [&width.to_be_bytes()[..], &height.to_be_bytes(), &[8, 3, 0, 0, 0]].concat();
     let row = |y: u32| std::iter::once(0).chain((0..width).map(move |x| ((x + y) % 4) as u8));

@@ -2,7 +2,8 @@
 
 use std::io::Write as _;
 
-/// Prints why a test is skipped, on standard error itself: what `eprintln!` prints of a test that passes is not shown.
+/// Prints why a test is skipped, on standard error itself: what `eprintln!` prints of a test that
+/// passes is not shown.
 pub(crate) fn skipped(why: &str) {
     let _ = writeln!(std::io::stderr(), "SKIPPED ({why})");
 }

@@ -23,8 +23,8 @@ const SAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/dataset");
 
 type Scene = (&'static str, usize, usize, [u32; 2], Option<f64>);
 
-/// Real scenes: name, photos, held out, the photo's size, and the mean reprojection error that their
-/// makers measured, at this size, px.
+/// Real scenes: name, photos, held out, the photo's size, and the mean reprojection error that
+/// their makers measured, at this size, px.
 const SCENES: [Scene; 6] = [
     ("banana", 15, 2, [640, 425], Some(0.657 * 640.0 / 3008.0)),
     // Only points with less than 1 px of error were kept.
@@ -258,7 +258,8 @@ fn synthetic_images_are_exact() {
     off.sort_by(f64::total_cmp);
     let p99 = off[off.len() * 99 / 100];
     let worst = off[off.len() - 1];
-    // 256 rays where there is an edge: a coverage is right to about a hundredth, 2.5 codes of full contrast.
+    // 256 rays where there is an edge: a coverage is right to about a hundredth, 2.5 codes of full
+    // contrast.
     assert!(mean < 0.2 && p99 < 2.5 && worst < 6.0, "mean {mean} p99 {p99} worst {worst} of 255");
 }
 
@@ -299,7 +300,8 @@ fn photos_of_a_distorted_lens_become_photos_of_a_pinhole() {
         assert_eq!(undistorted.size, view.camera.size);
         let want = trisplat_synthetic::render(&view.camera).to_pixels();
         let psnr = metric::psnr(&undistorted.rgb, &want.rgb, None);
-        // What is left is the blur of resampling sharp edges; half a pixel of shift would give 22 dB.
+        // What is left is the blur of resampling sharp edges; half a pixel of shift would give 22
+        // dB.
         assert!(psnr > 27.0, "{}: {psnr} dB at {}", view.name, view.camera.size);
         let bent = RgbImage::load(&view.photo.path).unwrap().downscaled(view.camera.size);
         assert!(psnr > metric::psnr(&bent.rgb, &want.rgb, None) + 6.0);
@@ -321,7 +323,8 @@ fn photos_are_shrunk_with_their_cameras() {
             .abs_diff_eq(whole.camera.focal * Vec2::new(50.0 / 160.0, 38.0 / 120.0), 1e-4)
     );
     let pixels = view.photo.decode().unwrap();
-    // Rows are averaged while they are decoded, in whole numbers of pixels first: within one code of a picture shrunk at once.
+    // Rows are averaged while they are decoded, in whole numbers of pixels first: within one code
+    // of a picture shrunk at once.
     let at_once = whole.photo.decode().unwrap().downscaled(UVec2::new(50, 38));
     let apart = pixels
         .rgb

@@ -1,6 +1,6 @@
-//! Mutants of what training reads: data sets, photos and masks, checkpoints. Each is refused with a clear error or read, and
-//! nothing panics, waits or takes memory that was not there. `TRISPLAT_FUZZ_CASES=100000 cargo test --release --test
-//! files mutants` for a long run.
+//! Mutants of what training reads: data sets, photos and masks, checkpoints. Each is refused with a
+//! clear error or read, and nothing panics, waits or takes memory that was not there.
+//! `TRISPLAT_FUZZ_CASES=100000 cargo test --release --test files mutants` for a long run.
 
 use crate::common::edits::mutate;
 use crate::common::png;

@@ -327,7 +327,8 @@ fn realityscan_with_the_columns_of_today_and_before() {
     }
 }
 
-/// RealityScan's other export, with lines that end as on Windows: a camera for each photo, photos without observations, points never refined.
+/// RealityScan's other export, with lines that end as on Windows: a camera for each photo, photos
+/// without observations, points never refined.
 #[test]
 fn colmap_text_of_realityscan() {
     let folder = tempfile::tempdir().unwrap();

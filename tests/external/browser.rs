@@ -1,4 +1,5 @@
-//! Pages in a real browser: headless Chromium opens them from disk, draws them and is moved about in them.
+//! Pages in a real browser: headless Chromium opens them from disk, draws them and is moved about
+//! in them.
 
 use super::{bake, have, here, runs_with, studio};
 use glam::{DVec3, Mat3, UVec2, Vec3};
@@ -128,7 +129,8 @@ fn a_page_shows_what_our_renderer_draws() {
                 ours.save_png(folder.join(format!("{samples}-{i}-ours.png"))).unwrap();
                 theirs.save_png(folder.join(format!("{samples}-{i}-page.png"))).unwrap();
             }
-            // One sample decides all of a pixel, and browsers' software snaps corners to 1/16 px, ours to 1/256.
+            // One sample decides all of a pixel, and browsers' software snaps corners to 1/16 px,
+            // ours to 1/256.
             let close = if samples == 1 { off < 0.01 } else { psnr >= 35.0 };
             assert!(close, "camera {i}, {samples} samples: {psnr:.2} dB, {:.2}% off", 100.0 * off);
         }
@@ -228,7 +230,8 @@ pub(super) fn named(folder: &Path, inputs: &[(Value, bool)]) -> Vec<Value> {
     inputs.iter().enumerate().map(with).collect()
 }
 
-/// Asserts that each input changed the picture if it `moves`, and that the picture was then what is drawn anew.
+/// Asserts that each input changed the picture if it `moves`, and that the picture was then what is
+/// drawn anew.
 pub(super) fn assert_seen(folder: &Path, inputs: &[(Value, bool)]) {
     for (i, (input, moves)) in inputs.iter().enumerate() {
         let Seen { changed, stale } = seen(&folder.join(i.to_string()));
@@ -333,7 +336,8 @@ fn ball_and_crumb() -> String {
     ball.chain([(crumb, "0.2 0.2 0.8")]).map(face).collect()
 }
 
-/// Asserts that the red ball is whole in a picture and large: as high and wide as `share` of the picture's shorter side.
+/// Asserts that the red ball is whole in a picture and large: as high and wide as `share` of the
+/// picture's shorter side.
 fn assert_framed(picture: &Path, share: f64) {
     let picture = RgbImage::load(picture).unwrap();
     let at = |i: usize| UVec2::new(i as u32 % picture.size.x, i as u32 / picture.size.x);

@@ -11,7 +11,8 @@ use tempfile::TempDir;
 use trisplat_formats::{ReadOptions, read};
 use trisplat_scene::{Scene, math::color::srgb_from_linear};
 
-/// Godot imports a dropped scene by the add-on: the same nodes, positions, colours and ground as from a GLB that was baked by hand.
+/// Godot imports a dropped scene by the add-on: the same nodes, positions, colours and ground as
+/// from a GLB that was baked by hand.
 #[test]
 fn a_scene_that_is_dropped_into_godot_4_is_baked_by_the_add_on() {
     let godot4 = here("target/judges/godot4");
@@ -85,8 +86,8 @@ pub(super) fn compile_for_unity(out: &Path, sources: &[PathBuf]) {
     assert!(done.status.success(), "{said}");
 }
 
-/// The importer for Unity makes the meshes, colours and ground that a GLB baked by hand has; its editor is not here, so stand-ins for its
-/// functions hold what it makes.
+/// The importer for Unity makes the meshes, colours and ground that a GLB baked by hand has; its
+/// editor is not here, so stand-ins for its functions hold what it makes.
 #[test]
 fn a_scene_that_is_dropped_into_unity_is_baked_by_the_importer() {
     if !has_mcs() {
@@ -143,7 +144,8 @@ fn a_scene_that_is_dropped_into_unity_is_baked_by_the_importer() {
     assert!(lost.starts_with("error ") && lost.contains("Preferences > Trisplat"), "{lost}");
 }
 
-/// Unity leaves out files of an installed package that have no `.meta`, and tells assets apart by the GUID in it.
+/// Unity leaves out files of an installed package that have no `.meta`, and tells assets apart by
+/// the GUID in it.
 #[test]
 fn every_file_of_the_package_for_unity_has_its_own_guid() {
     let mut folders = vec![here("editors/unity")];
@@ -169,7 +171,8 @@ fn every_file_of_the_package_for_unity_has_its_own_guid() {
     assert!(guids.len() >= 8, "{guids:?}");
 }
 
-/// A name is sought in absolute folders of the PATH: the function of the extension, without Blender.
+/// A name is sought in absolute folders of the PATH: the function of the extension, without
+/// Blender.
 #[cfg(unix)]
 #[test]
 fn the_extension_for_blender_runs_no_program_of_the_current_folder() {
@@ -206,7 +209,8 @@ fn the_newest_blender_imports_a_scene_by_the_extension() {
     imports_by_the_extension(&here("target/judges/bpy/bin/python"), "bpy-newest");
 }
 
-/// Blender installs the extension from its archive, and imports every corner and colour that the program bakes.
+/// Blender installs the extension from its archive, and imports every corner and colour that the
+/// program bakes.
 fn imports_by_the_extension(python: &Path, judge: &str) {
     let there = Command::new(python)
         .args(["-c", "import bpy"])

@@ -1,4 +1,5 @@
-//! Viewers that step back until everything is in the picture see the scene, not the backdrop around it.
+//! Viewers that step back until everything is in the picture see the scene, not the backdrop around
+//! it.
 
 use super::browser::chromium;
 use super::engines::{run_script, sample};
@@ -8,7 +9,8 @@ use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
 
-/// The shares of the picture when a viewer frames a file: "scene", "kept" and "ball" of tests/framing.mjs.
+/// The shares of the picture when a viewer frames a file: "scene", "kept" and "ball" of
+/// tests/framing.mjs.
 fn framed(viewer: &str, chromium: &Path, scene: &Path) -> Value {
     let mut command = Command::new("node");
     command

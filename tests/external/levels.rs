@@ -1,4 +1,5 @@
-//! What engines get for levels of detail, opened by those that run here; scripts for others are checked as far as can be.
+//! What engines get for levels of detail, opened by those that run here; scripts for others are
+//! checked as far as can be.
 
 use super::editors::{compile_for_unity, has_mcs};
 use super::{bake, have, here, python, runs, studio};

@@ -1,5 +1,6 @@
-//! Outside judges look at what `trisplat bake` writes: the Khronos glTF validator, trimesh, Open3D, Chromium,
-//! Godot 3 and 4. `tests/run.sh` installs them and requires them; without them a test says that it is skipped.
+//! Outside judges look at what `trisplat bake` writes: the Khronos glTF validator, trimesh, Open3D,
+//! Chromium, Godot 3 and 4. `tests/run.sh` installs them and requires them; without them a test
+//! says that it is skipped.
 
 #![allow(
     clippy::print_stderr,
@@ -93,7 +94,8 @@ fn bake(input: &Path, output: &Path, flags: &[&str]) -> u64 {
     command.arg("bake").arg(input).arg("-o").arg(output).arg("--report").arg(&report);
     command.args(["--teacher", "off", "-q"]).args(flags);
     if input == studio() {
-        // What judges see is compared with the source, triangle by triangle, and its dome is one of two sides there.
+        // What judges see is compared with the source, triangle by triangle, and its dome is one of
+        // two sides there.
         command.args(["--backdrop", "off"]);
     }
     let done = runs(&mut command);
@@ -103,7 +105,8 @@ fn bake(input: &Path, output: &Path, flags: &[&str]) -> u64 {
     last["after"]["triangles"].as_u64().unwrap()
 }
 
-// --- Khronos glTF validator -------------------------------------------------------------------------
+// --- Khronos glTF validator
+// -------------------------------------------------------------------------
 
 /// Asserts that the validator finds nothing at all to say about files of some numbers of triangles.
 fn assert_valid(files: &[(PathBuf, u64)]) {
@@ -174,8 +177,8 @@ fn small_files_are_valid_gltf() {
         let triangles = bake(&studio(), &path, &flags);
         files.push((path, triangles));
     }
-    // The validator does not look into EXT_meshopt_compression: what the compressed file decodes to must
-    // be, bit for bit, its twin that is only quantised, and that one is looked at.
+    // The validator does not look into EXT_meshopt_compression: what the compressed file decodes to
+    // must be, bit for bit, its twin that is only quantised, and that one is looked at.
     let at = |target: &str| TARGETS.iter().position(|name| *name == target).unwrap();
     let (web, _) = files.remove(at("web"));
     let (unity, _) = &files[at("unity")];
@@ -185,7 +188,8 @@ fn small_files_are_valid_gltf() {
     assert_valid(&files);
 }
 
-// --- trimesh and Open3D -----------------------------------------------------------------------------
+// --- trimesh and Open3D
+// -----------------------------------------------------------------------------
 
 const JUDGES: [&str; 2] = ["trimesh", "open3d"];
 
@@ -331,7 +335,8 @@ fn judges_fail_damaged_files() {
     }
 }
 
-// --- Godot ------------------------------------------------------------------------------------------
+// --- Godot
+// ------------------------------------------------------------------------------------------
 
 /// Godot 3 on the project in `folder`, which is also its home.
 fn godot3(folder: &Path, flags: &[&str]) -> Command {
@@ -351,8 +356,8 @@ impl Drop for Editor {
     }
 }
 
-/// Lets Godot 3's editor import what is in `folder`. Without a screen it never exits by itself, so it
-/// is ended once the checksum of the import is there, which is what it writes last.
+/// Lets Godot 3's editor import what is in `folder`. Without a screen it never exits by itself, so
+/// it is ended once the checksum of the import is there, which is what it writes last.
 fn import(folder: &Path) {
     let log = fs::File::create(folder.join("editor.log")).unwrap();
     let mut command = godot3(folder, &["--editor", "--quit"]);
@@ -366,7 +371,8 @@ fn import(folder: &Path) {
     }
 }
 
-/// A project with the studio as `scene.glb`, baked for `target`, and a script that dumps what came in.
+/// A project with the studio as `scene.glb`, baked for `target`, and a script that dumps what came
+/// in.
 fn project(scripts: &str, target: &str) -> TempDir {
     let folder = TempDir::new().unwrap();
     for file in ["project.godot", "dump.gd"] {
@@ -377,7 +383,8 @@ fn project(scripts: &str, target: &str) -> TempDir {
     folder
 }
 
-/// Asserts that the dump holds every node, vertex and colour of `scene.glb`; `said` is what the script said.
+/// Asserts that the dump holds every node, vertex and colour of `scene.glb`; `said` is what the
+/// script said.
 fn assert_same_scene(folder: &Path, said: &str) {
     let Scene::Mesh(mesh) =
         read(&folder.join("scene.glb"), &ReadOptions::with_degree(0)).unwrap().scene

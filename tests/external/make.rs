@@ -32,7 +32,8 @@ fn photos_alone_become_a_file_through_pycolmap() {
         let words =
             ["make", "photos", "-o", "scene.glb", "--steps", "200", "--max-triangles", "2000"];
         let mut command = trisplat(folder.path(), &words);
-        // pycolmap finds another number of points each time, and now and then too few for a training that is not told to go on.
+        // pycolmap finds another number of points each time, and now and then too few for a
+        // training that is not told to go on.
         command
             .args(["--max-size", "200", "--anyway"])
             .env("TRISPLAT_POSES", &python)

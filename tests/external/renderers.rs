@@ -1,8 +1,10 @@
-//! One file in other renderers, from a data set's cameras: they must come as close to the photos as trisplat's.
+//! One file in other renderers, from a data set's cameras: they must come as close to the photos as
+//! trisplat's.
 //!
-//! Every renderer draws four times the width and height with one sample a pixel, and each 4 x 4 pixels are
-//! averaged in linear light here: equal sampling, whatever antialiasing a renderer has of its own.
-//! `tests/renderers.sh FILE DATASET` does the same for any file and data set and prints the table.
+//! Every renderer draws four times the width and height with one sample a pixel, and each 4 x 4
+//! pixels are averaged in linear light here: equal sampling, whatever antialiasing a renderer has
+//! of its own. `tests/renderers.sh FILE DATASET` does the same for any file and data set and prints
+//! the table.
 
 use super::browser::{chromium, fragment, in_file, mesh, visit};
 use super::{bake, here, python, runs_with, studio};
@@ -90,7 +92,8 @@ fn three(job: &Job) -> Option<Vec<RgbImage>> {
     Some(job.coarse("three"))
 }
 
-/// f3d (VTK), through its Python module. It shows COLOR_0 as it is, so it gets a file with sRGB codes.
+/// f3d (VTK), through its Python module. It shows COLOR_0 as it is, so it gets a file with sRGB
+/// codes.
 fn f3d(job: &Job) -> Option<Vec<RgbImage>> {
     let mut command = python("f3d")?;
     let file = job.folder.path().join("codes.glb");
@@ -166,7 +169,8 @@ fn compare(file: &Path, dataset: &Path, keep: Option<&Path>, square: bool) {
     println!("| renderer | {head} | PSNR against trisplat, dB |\n|---|---|---|");
     let own = mean(&truth, &photos);
     println!("| trisplat, solid on the CPU | {own:.3} | |");
-    // f3d has a 24-bit depth buffer: more of the sample's coplanar triangles are ordered differently.
+    // f3d has a 24-bit depth buffer: more of the sample's coplanar triangles are ordered
+    // differently.
     let others = [("three.js in Chromium", three(&job), 40.0), ("f3d (VTK)", f3d(&job), 33.0)];
     for (name, pictures, close_db) in others {
         let Some(pictures) = pictures else { continue };

@@ -1,5 +1,5 @@
-//! `--backdrop sky` by pixels: where the scene leaves a picture free, the page and the samples for engines show the panorama's pixel of that
-//! direction.
+//! `--backdrop sky` by pixels: where the scene leaves a picture free, the page and the samples for
+//! engines show the panorama's pixel of that direction.
 
 use super::browser::{chromium, fragment, mesh, visit};
 use super::editors::{compile_for_unity, has_mcs};
@@ -25,7 +25,8 @@ const NEAR: f64 = 5.0;
 /// By how much every wrong panorama is farther off, codes.
 const WORSE: f64 = 10.0;
 
-/// The trained sample, its shell in colours that tell all directions apart: its own are those of a sky, the same on all sides.
+/// The trained sample, its shell in colours that tell all directions apart: its own are those of a
+/// sky, the same on all sides.
 fn surrounded(folder: &Path) -> PathBuf {
     let loaded = read(&here("samples/soups/trained.ply"), &ReadOptions::with_degree(0)).unwrap();
     let Scene::Soup(mut soup) = loaded.scene else { panic!("the sample is a soup") };
@@ -73,7 +74,8 @@ fn views(scene: &Path) -> Vec<View> {
     level.chain([Vec3::new(0.4, 0.8, 0.3)]).map(view).collect()
 }
 
-/// Pixels of no face that only such pixels surround: what a renderer does at edges is its own affair.
+/// Pixels of no face that only such pixels surround: what a renderer does at edges is its own
+/// affair.
 fn free(faces: &[u32]) -> Vec<usize> {
     let width = SIZE.x as usize;
     let height = SIZE.y as usize;
@@ -90,7 +92,8 @@ fn direction(camera: &Camera, pixel: usize) -> Vec3 {
     (camera.rotation.transpose() * across.extend(1.0)).normalize()
 }
 
-/// Where a panorama shows a direction of the file, in shares of its sides: the middle is +X, a quarter from the left -Z.
+/// Where a panorama shows a direction of the file, in shares of its sides: the middle is +X, a
+/// quarter from the left -Z.
 fn place_in_panorama(d: Vec3) -> Vec2 {
     Vec2::new(0.5 + d.z.atan2(d.x) / TAU, d.y.clamp(-1.0, 1.0).acos() / PI)
 }
@@ -122,7 +125,8 @@ const WRONG: [(&str, Turn); 6] = [
     ("upside down", |d| Vec3::new(d.x, -d.y, d.z)),
 ];
 
-/// The mean difference of the free pixels of each picture from a panorama that is turned in some way, codes.
+/// The mean difference of the free pixels of each picture from a panorama that is turned in some
+/// way, codes.
 fn off(views: &[View], pictures: &[RgbImage], sky: &RgbImage, turn: Turn) -> Vec<f64> {
     let of_one = |(view, picture): (&View, &RgbImage)| {
         let differences = view.free.iter().map(|(pixel, d)| {
@@ -138,7 +142,8 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Asserts that a picture of each view, `0.png` and so on in a folder, shows the panorama behind the scene, and shows it in no wrong way.
+/// Asserts that a picture of each view, `0.png` and so on in a folder, shows the panorama behind
+/// the scene, and shows it in no wrong way.
 fn assert_sky_is_seen(who: &str, views: &[View], pictures: &Path, sky: &Path) {
     let sky = RgbImage::load(sky).unwrap();
     let load = |i: usize| RgbImage::load(&pictures.join(picture_name(i))).unwrap();
@@ -256,8 +261,9 @@ fn the_godot_sample_draws_the_panorama_behind_the_scene() {
     assert_sky_is_seen("Godot", &views, folder.path(), &at("scene.sky.jpg"));
 }
 
-/// Where Unity's shader Skybox/Panoramic, with latitudes and longitudes over 360°, reads its picture for a direction of Unity's world.
-/// Its box turns by `rotation` degrees from +X to +Z, and the picture runs the other way.
+/// Where Unity's shader Skybox/Panoramic, with latitudes and longitudes over 360°, reads its
+/// picture for a direction of Unity's world. Its box turns by `rotation` degrees from +X to +Z, and
+/// the picture runs the other way.
 fn place_in_unity(d: Vec3, rotation: f32) -> Vec2 {
     let longitude = d.z.atan2(d.x) - rotation.to_radians();
     Vec2::new((0.5 - longitude / TAU).rem_euclid(1.0), d.y.clamp(-1.0, 1.0).acos() / PI)

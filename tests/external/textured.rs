@@ -11,7 +11,8 @@ use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{Scene, camera::Viewpoint, image::RgbImage, math::metric};
 
 const SIZE: UVec2 = UVec2::new(320, 240);
-/// Least PSNR between pictures of the two renderers, dB: with one sample a pixel, edges of triangles fall on either side of it.
+/// Least PSNR between pictures of the two renderers, dB: with one sample a pixel, edges of
+/// triangles fall on either side of it.
 const AGREE_DB: f64 = 36.0;
 /// Flags for large triangles, to which a texture adds much.
 fn textured(photos: &str) -> [&str; 5] {
@@ -39,7 +40,8 @@ fn three_filters_textures_as_we_do() {
         panic!("a mesh")
     };
     assert!(mesh.texture.is_some());
-    // From where it is looked at first, from nearer, and from so far away that coarse mip levels are drawn.
+    // From where it is looked at first, from nearer, and from so far away that coarse mip levels
+    // are drawn.
     let eye = DVec3::from(first.eye);
     let target = DVec3::from(first.target);
     let at =

@@ -8,7 +8,8 @@ use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
 
-/// What the viewer draws from each of `views`, which are eyes and targets, Z-up: see `tests/tiles.mjs`.
+/// What the viewer draws from each of `views`, which are eyes and targets, Z-up: see
+/// `tests/tiles.mjs`.
 fn visit(chromium: &Path, tileset: &Path, views: &Value) -> Vec<Value> {
     let mut command = Command::new("node");
     command.arg(here("tests/tiles.mjs")).arg(here("target/judges")).arg(chromium).arg(tileset);

@@ -1,4 +1,5 @@
-//! The program as WebAssembly, in Node and in a browser's page: the bytes of the program, its words, and nothing of the network.
+//! The program as WebAssembly, in Node and in a browser's page: the bytes of the program, its
+//! words, and nothing of the network.
 
 use super::browser::{assert_seen, chromium, named};
 #[allow(dead_code, reason = "shared with the tests of checkpoints")]

@@ -1,4 +1,5 @@
-//! `capture` and `make`, with a program in place of COLMAP. A run that a fault ended leaves what the next one goes on from.
+//! `capture` and `make`, with a program in place of COLMAP. A run that a fault ended leaves what
+//! the next one goes on from.
 
 use super::cases::{Case, plain};
 use super::tree;

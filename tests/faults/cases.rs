@@ -17,7 +17,8 @@ pub(crate) struct Case {
     pub(super) together: &'static [&'static str],
     /// The main output of a command that goes on when others cannot be written.
     pub(super) kept: Option<&'static str>,
-    /// Either all outputs are there, or what was there before, and nothing else but what the next run goes on from.
+    /// Either all outputs are there, or what was there before, and nothing else but what the next
+    /// run goes on from.
     pub(super) all_or_nothing: bool,
 }
 
@@ -34,7 +35,8 @@ pub(super) fn plain(folder: &Path, arguments: &[&str]) {
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// A small soup and a small data set, and what `arguments` make of them before the command of the case runs.
+/// A small soup and a small data set, and what `arguments` make of them before the command of the
+/// case runs.
 fn before(arguments: &[&str]) -> Tree {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
@@ -322,7 +324,8 @@ impl Case {
         (folder, run)
     }
 
-    /// Runs with a fault and checks everything; then once more without, which must make everything as if nothing had been.
+    /// Runs with a fault and checks everything; then once more without, which must make everything
+    /// as if nothing had been.
     pub(crate) fn check(&self, injector: &Injector, new: &Outcome, fault: Fault) {
         let (folder, run) = self.run(injector, Some(fault));
         let call = run.calls.get(fault.at as usize - 1).cloned().unwrap_or_default();
@@ -374,7 +377,8 @@ impl Case {
         }
     }
 
-    /// All outputs are there, or all that was there before; of a run that was not killed nothing else is, but what the next goes on from.
+    /// All outputs are there, or all that was there before; of a run that was not killed nothing
+    /// else is, but what the next goes on from.
     fn check_all_or_nothing(&self, found: &Tree, new: &Outcome, context: &str) {
         let holds = |tree: &Tree| {
             let same = |name: &String, bytes: &Vec<u8>| {

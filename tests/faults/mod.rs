@@ -1,10 +1,11 @@
-//! Every system call by which a command changes files, or opens them, fails once; every one from some point on finds the disk
-//! full; or the program is killed there, or asked to end. Whatever happens, outputs are the old ones or the new ones, whole, and nothing else
-//! changes.
+//! Every system call by which a command changes files, or opens them, fails once; every one from
+//! some point on finds the disk full; or the program is killed there, or asked to end. Whatever
+//! happens, outputs are the old ones or the new ones, whole, and nothing else changes.
 //!
-//! The calls are caught by `inject.c`, a library that `cc` compiles and the system's loader puts before the C library. A plain
-//! run of the suite visits some calls of each command; `TRISPLAT_FAULTS=all` visits every one, and `TRISPLAT_FUZZ_SECONDS=600` goes on with
-//! random ones for ten minutes each.
+//! The calls are caught by `inject.c`, a library that `cc` compiles and the system's loader puts
+//! before the C library. A plain run of the suite visits some calls of each command;
+//! `TRISPLAT_FAULTS=all` visits every one, and `TRISPLAT_FUZZ_SECONDS=600` goes on with random ones
+//! for ten minutes each.
 #![cfg(target_os = "linux")]
 #![allow(
     clippy::print_stdout,

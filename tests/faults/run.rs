@@ -12,7 +12,8 @@ pub(crate) enum Kind {
     Full,
     /// The program is killed before this call.
     Kill,
-    /// The program is asked to end before this call: by SIGHUP, SIGINT, SIGQUIT or SIGTERM, one after the other.
+    /// The program is asked to end before this call: by SIGHUP, SIGINT, SIGQUIT or SIGTERM, one
+    /// after the other.
     Signal,
 }
 

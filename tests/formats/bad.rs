@@ -342,7 +342,8 @@ fn broken_text_names_its_line() {
     }
 }
 
-/// Makes the faces of a soup those of a mesh. Rows that were changed before must lose their σ by hand.
+/// Makes the faces of a soup those of a mesh. Rows that were changed before must lose their σ by
+/// hand.
 fn without_sigma(faces: &mut Element) {
     let changed = faces.rows[57].len() != faces.rows[56].len();
     faces.properties.retain(|p| !p.ends_with("sigma"));

@@ -1,4 +1,5 @@
-//! Scenes far from the origin of their world: what is read and baked of them is what is read and baked at the origin.
+//! Scenes far from the origin of their world: what is read and baked of them is what is read and
+//! baked at the origin.
 
 use base64::Engine;
 use glam::DVec3;
@@ -68,7 +69,8 @@ fn off(offset: DVec3) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// The corners in single precision, and a document whose node moves them; the buffer in the GLB or in the text.
+/// The corners in single precision, and a document whose node moves them; the buffer in the GLB or
+/// in the text.
 fn document(offset: DVec3, inside: bool) -> (String, Vec<u8>) {
     let bin: Vec<u8> =
         corners().iter().flat_map(|p| p.as_vec3().to_array()).flat_map(f32::to_le_bytes).collect();
@@ -111,7 +113,8 @@ fn glb(offset: DVec3) -> Vec<u8> {
     bytes
 }
 
-/// Corners of a scene, and what was taken off them; and the GLB that is baked of it, but for what it says of its origin.
+/// Corners of a scene, and what was taken off them; and the GLB that is baked of it, but for what
+/// it says of its origin.
 fn baked(path: &Path) -> (Scene, [f64; 3], Vec<u8>) {
     let loaded = read(path, &ReadOptions::default()).unwrap();
     let scene = loaded.scene.clone();
@@ -158,7 +161,8 @@ fn single_precision_and_scenes_near_by_are_read_as_they_are() {
     }
 }
 
-/// A place that single precision rounds by up to a quarter of a metre, with digits that it has no room for.
+/// A place that single precision rounds by up to a quarter of a metre, with digits that it has no
+/// room for.
 const PLACE: DVec3 = DVec3::new(691_608.372, 5_334_760.618, 519.246);
 /// From one input to the other.
 const APART: DVec3 = DVec3::new(120.0, 0.0, 0.0);

@@ -167,7 +167,8 @@ pub(crate) fn soup_elements(soup: &Soup) -> [Element; 2] {
     ]
 }
 
-/// A strip of triangles that share vertices, with distinct 8-bit colours, linear as a mesh has them.
+/// A strip of triangles that share vertices, with distinct 8-bit colours, linear as a mesh has
+/// them.
 pub(crate) fn mesh(faces: usize, per_face: bool, indexed: bool, opacity: bool) -> Mesh {
     let random = Rng::new(faces as u64, "mesh", 0);
     let count = if indexed { faces + 2 } else { 3 * faces };

@@ -1,4 +1,5 @@
-//! Files of 3D Gaussian splatting, in every format there is: each is one error that says what it is and what to do.
+//! Files of 3D Gaussian splatting, in every format there is: each is one error that says what it is
+//! and what to do.
 
 use std::io::Write;
 use std::path::Path;

@@ -163,7 +163,8 @@ fn guesses_are_warnings() {
     }
 }
 
-/// Four corners of a square and a fifth inside it; a triangle, an arrowhead (concave at the fifth corner), a triangle, a square.
+/// Four corners of a square and a fifth inside it; a triangle, an arrowhead (concave at the fifth
+/// corner), a triangle, a square.
 fn polygons(at_vertex: &[(&str, Cell)], at_face: &[&str], colors: &[[u8; 4]; 4]) -> [Element; 2] {
     let place = |x: f32, y: f32| {
         [x, y, 0.0].map(Cell::F32).into_iter().chain(at_vertex.iter().map(|(_, c)| *c)).collect()

@@ -1,4 +1,5 @@
-//! Readers and writers of PLY, OFF and OBJ: round trips, odd but legal files, real files, bad input.
+//! Readers and writers of PLY, OFF and OBJ: round trips, odd but legal files, real files, bad
+//! input.
 
 #![allow(clippy::print_stderr)] // what is skipped
 

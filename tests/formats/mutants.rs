@@ -1,5 +1,6 @@
-//! Every reader against mutated files: it fails with a clear error or gives a valid scene, and never
-//! panics. `TRISPLAT_FUZZ_CASES=100000 cargo test --release --test files mutants` for a long run.
+//! Every reader against mutated files: it fails with a clear error or gives a valid scene, and
+//! never panics. `TRISPLAT_FUZZ_CASES=100000 cargo test --release --test files mutants` for a long
+//! run.
 
 use crate::common::edits::mutate;
 use std::io::{Seek, Write};

@@ -157,7 +157,8 @@ fn tobj_shifts_colors_when_only_some_vertices_have_one() {
 
 #[test]
 fn polygons_become_triangles_of_the_same_outline() {
-    // A quad, an L of six corners (concave at its last), a line's midpoint as a corner, and a triangle between them.
+    // A quad, an L of six corners (concave at its last), a line's midpoint as a corner, and a
+    // triangle between them.
     let vertices = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\nv 1 0 0\n";
     for (faces, areas) in [
         ("f 1 2 3 6\n", vec![3.0]),

@@ -41,7 +41,8 @@ fn at_corner(loaded: &ImportedScene, face: usize, corner: usize) -> Vec3 {
     Vec3::from(texture.texture(face).sample(texture.uvs[face][corner], 0.0))
 }
 
-/// Checks that a square from (0, 0) to (1, 1), its corners in the middle of texels, shows the picture upright.
+/// Checks that a square from (0, 0) to (1, 1), its corners in the middle of texels, shows the
+/// picture upright.
 fn is_upright(loaded: &ImportedScene) {
     // Lower left, lower right, upper right.
     let wanted = [Vec3::Z, Vec3::ONE, Vec3::Y];

@@ -277,7 +277,8 @@ fn spz_is_unpacked_in_its_own_frame_with_y_up() {
     }
 }
 
-/// The same in version 4: an array of each quantity, in frames of zstd that store the bytes as they are.
+/// The same in version 4: an array of each quantity, in frames of zstd that store the bytes as they
+/// are.
 fn spz4_bytes() -> Vec<u8> {
     let mut out = spz_bytes(3);
     let mut rest = out.split_off(16);
@@ -365,7 +366,8 @@ fn sog_is_read_from_its_pictures_and_codebooks() {
     assert!(error.contains("labels.webp") && error.contains("Gaussian 0"), "{error}");
 }
 
-/// A GLB of one Gaussian with SH of degree 1 under a node with these properties; `edit` changes the document.
+/// A GLB of one Gaussian with SH of degree 1 under a node with these properties; `edit` changes the
+/// document.
 fn glb(node: &str, edit: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
     let half = 0.5f32.sqrt();
     let numbers = [
@@ -816,7 +818,8 @@ fn an_unzipped_sog_is_read_by_its_folder_or_its_list() {
     );
 }
 
-/// Gaussians on an ellipsoid beside the origin, and a list of cameras around it; `file` moves the Gaussians.
+/// Gaussians on an ellipsoid beside the origin, and a list of cameras around it; `file` moves the
+/// Gaussians.
 fn seen_from_around(folder: &Path, file: impl Fn(DVec3) -> DVec3) -> ImportedSplats {
     let middle = DVec3::new(4.0, 3.0, -2.0);
     let row = |i: usize| {

@@ -1,4 +1,5 @@
-//! USDZ: the archive as its specification wants it, and the scene in it. `tests/external/usdz.rs` asks the library of its makers.
+//! USDZ: the archive as its specification wants it, and the scene in it. `tests/external/usdz.rs`
+//! asks the library of its makers.
 
 use glam::{Vec2, Vec3};
 use std::io::{Cursor, Read};

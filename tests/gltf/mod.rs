@@ -51,7 +51,7 @@ fn expected(mesh: &Mesh, encoding: ColorEncoding) -> Vec<(Vec3, Vec<u8>)> {
     (0..mesh.face_count()).flat_map(corner).map(|(p, c)| (p, stored_color(encoding, c))).collect()
 }
 
-// ---- what the document says ----------------------------------------------------------------------
+// ---- what the document says ---------------------------------------------------------------------
 
 #[test]
 fn one_chunk_is_a_scene_and_several_are_numbered() {
@@ -192,7 +192,7 @@ fn zeros_of_either_sign_give_the_same_bound() {
     }
 }
 
-// ---- what the data says --------------------------------------------------------------------------
+// ---- what the data says -------------------------------------------------------------------------
 
 #[test]
 fn every_color_code_is_stored_exactly_in_every_encoding() {
@@ -303,7 +303,8 @@ fn the_reported_error_is_the_one_an_engine_makes() {
     assert_eq!(glb(&ramp(9), &GltfOptions::default()).unwrap().1.worst_position_error, 0.0);
 }
 
-/// Small triangles on a floor that is one huge triangle: on one grid around all, a fifth of them were flat.
+/// Small triangles on a floor that is one huge triangle: on one grid around all, a fifth of them
+/// were flat.
 #[test]
 fn small_triangles_beside_a_huge_one_keep_their_shape() {
     let small = |i: usize| {
@@ -398,7 +399,7 @@ fn the_bytes_are_the_same_for_any_number_of_threads() {
     }
 }
 
-// ---- what is refused -----------------------------------------------------------------------------
+// ---- what is refused ----------------------------------------------------------------------------
 
 #[test]
 fn sizes_are_known_before_a_byte_is_written() {
@@ -514,7 +515,7 @@ fn a_full_disk_is_reported() {
     }
 }
 
-// ---- any mesh ------------------------------------------------------------------------------------
+// ---- any mesh -----------------------------------------------------------------------------------
 
 proptest! {
     #![proptest_config(crate::common::regressions::stored())]

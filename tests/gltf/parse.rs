@@ -102,7 +102,8 @@ impl Parsed {
         value.as_u64().unwrap() as usize
     }
 
-    /// Everything is used once, views do not overlap, are aligned and inside their buffer, no list is empty.
+    /// Everything is used once, views do not overlap, are aligned and inside their buffer, no list
+    /// is empty.
     fn check_references(&self) {
         for (name, value) in self.json.as_object().unwrap() {
             assert!(value.as_array().is_none_or(|list| !list.is_empty()), "{name} is empty");
@@ -216,7 +217,8 @@ impl Parsed {
     }
 }
 
-/// What the specification says a linear colour is stored as, worked out in f64 and one corner at a time.
+/// What the specification says a linear colour is stored as, worked out in f64 and one corner at a
+/// time.
 pub(crate) fn stored_color(encoding: ColorEncoding, color: [f32; 3]) -> Vec<u8> {
     let [r, g, b] = color;
     match encoding {
@@ -236,7 +238,8 @@ pub(crate) fn stored_color(encoding: ColorEncoding, color: [f32; 3]) -> Vec<u8> 
     }
 }
 
-/// The nearest sRGB code, in f64: in f32 a value right beside the middle of two codes rounds to the wrong one.
+/// The nearest sRGB code, in f64: in f32 a value right beside the middle of two codes rounds to the
+/// wrong one.
 fn code(linear: f32) -> u8 {
     let x = f64::from(linear);
     let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };

@@ -422,7 +422,8 @@ fn buffers_elsewhere_are_refused() {
     }
 }
 
-/// The `gltf` crate and this reader agree about a scene with transforms, indices and normalised colours.
+/// The `gltf` crate and this reader agree about a scene with transforms, indices and normalised
+/// colours.
 #[test]
 fn another_reader_sees_the_same() {
     let mut b = Builder::triangle();

@@ -1,5 +1,5 @@
-//! What `gltf-json` 1.4 loses of a document, and the reader keeps. A failure here says that the crate has become
-//! better: read into its types then (`crates/formats/src/gltf/document.rs`).
+//! What `gltf-json` 1.4 loses of a document, and the reader keeps. A failure here says that the
+//! crate has become better: read into its types then (`crates/formats/src/gltf/document.rs`).
 
 use super::files::Builder;
 use gltf_json::Root;

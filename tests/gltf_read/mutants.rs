@@ -1,4 +1,5 @@
-//! Mutants of GLB files: what is read is baked to a file that breaks no rule of the format, or refused.
+//! Mutants of GLB files: what is read is baked to a file that breaks no rule of the format, or
+//! refused.
 
 use crate::common::edits::mutate;
 use std::path::Path;

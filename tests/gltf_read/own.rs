@@ -1,4 +1,5 @@
-//! What we write comes back: every colour and position encoding, compressed or not, chunked, indexed.
+//! What we write comes back: every colour and position encoding, compressed or not, chunked,
+//! indexed.
 
 use super::files::{mesh, read, read_bytes};
 use glam::Vec3;

@@ -1,4 +1,5 @@
-//! Pictures of materials, however they are laid: what a triangle showed in the file it shows when read.
+//! Pictures of materials, however they are laid: what a triangle showed in the file it shows when
+//! read.
 
 use super::files::{Builder, UNSIGNED_BYTE, mesh, read_bytes};
 use glam::{UVec2, Vec2, Vec3};
@@ -60,7 +61,8 @@ fn filtered(uv: Vec2, wrap: fn(i64) -> i64) -> Vec3 {
     row(0).lerp(row(1), part.y)
 }
 
-/// Checks that a face shows at many places what `wanted` says, which gets the place on it and its texture coordinates.
+/// Checks that a face shows at many places what `wanted` says, which gets the place on it and its
+/// texture coordinates.
 fn shows(mesh: &Mesh, face: usize, uvs: [f32; 6], wanted: impl Fn([f32; 3], Vec2) -> Vec3) {
     let texture = mesh.texture.as_ref().expect("the texture is kept");
     for i in 0..40 {

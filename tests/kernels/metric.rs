@@ -1,4 +1,5 @@
-//! The metrics against values from independent implementations on the same PNG files: tests/metric/reference.py writes them.
+//! The metrics against values from independent implementations on the same PNG files:
+//! tests/metric/reference.py writes them.
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};

@@ -42,7 +42,8 @@ impl Graph {
         self.files.insert(module, Source::parse(text));
     }
 
-    /// Every import of one file by another; re-exports are followed to the file that defines what they name.
+    /// Every import of one file by another; re-exports are followed to the file that defines what
+    /// they name.
     pub(super) fn edges(&self) -> Edges {
         let mut edges = Edges::new();
         for (module, source) in &self.files {
@@ -96,7 +97,8 @@ impl Graph {
     }
 }
 
-/// Groups of files that import each other, directly or through others; each sorted, the largest first.
+/// Groups of files that import each other, directly or through others; each sorted, the largest
+/// first.
 pub(super) fn circles(edges: &Edges) -> Vec<Vec<Module>> {
     let mut after: BTreeMap<&Module, Vec<&Module>> = BTreeMap::new();
     edges.keys().for_each(|(from, to)| after.entry(from).or_default().push(to));

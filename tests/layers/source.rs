@@ -1,4 +1,5 @@
-//! What one Rust file names of other files: read token by token, so that comments, strings and test modules do not count.
+//! What one Rust file names of other files: read token by token, so that comments, strings and test
+//! modules do not count.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -27,7 +28,8 @@ impl Source {
     }
 }
 
-/// Identifiers, `::` and single characters of punctuation. Comments, strings, characters and lifetimes are left out.
+/// Identifiers, `::` and single characters of punctuation. Comments, strings, characters and
+/// lifetimes are left out.
 fn tokens(text: &str) -> Vec<String> {
     let chars = text.chars().collect::<Vec<char>>();
     let mut tokens = Vec::new();

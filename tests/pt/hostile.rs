@@ -8,8 +8,8 @@ use proptest::prelude::*;
 use std::io::{Seek, SeekFrom, Write};
 use trisplat_scene::Error;
 
-/// Pickles that would run something in Python. Beside valid tensors they are ignored or refused; the
-/// proof is that their file does not appear.
+/// Pickles that would run something in Python. Beside valid tensors they are ignored or refused;
+/// the proof is that their file does not appear.
 #[test]
 fn unpickling_runs_nothing() {
     let folder = Folder::new();
@@ -164,7 +164,8 @@ fn every_prefix_and_every_flipped_bit_fails_or_reads_but_never_panics() {
 fn a_large_checkpoint_truncated_fails_cleanly() {
     let bytes = checkpoint(&soup_tensors(20_000, 15), &int_item("active_sh_degree", 3));
     let folder = Folder::new();
-    // Shrink one file in place; every 997th byte of the directory and the pickle, fewer in the tensors.
+    // Shrink one file in place; every 997th byte of the directory and the pickle, fewer in the
+    // tensors.
     let path = folder.write(&bytes);
     let file = std::fs::OpenOptions::new().write(true).open(&path).expect("writable");
     for cut in (0..bytes.len()).step_by(997).rev() {

@@ -10,7 +10,8 @@ use trisplat_scene::{Rng, Soup, camera::Camera};
 /// Pixels nearer than this to a jump or kink of the oracle are not compared.
 pub(crate) const MARGIN: f64 = 2e-4;
 
-/// What a frame and the oracle both have, pixel by pixel: rgb, T, depth, median, normal, distortion.
+/// What a frame and the oracle both have, pixel by pixel: rgb, T, depth, median, normal,
+/// distortion.
 pub(crate) fn frame_values(f: &Frame, i: usize) -> [f64; 10] {
     let [r, g, b] = f.rgb[i];
     let [x, y, z] = f.normal[i];
@@ -21,8 +22,8 @@ pub(crate) fn frame_values(f: &Frame, i: usize) -> [f64; 10] {
 pub(crate) const NAMES: [&str; 10] =
     ["r", "g", "b", "T", "depth", "median", "nx", "ny", "nz", "distortion"];
 
-/// Compares a frame with the oracle; returns the largest error, relative to the value or to 1, and the share of pixels
-/// left out.
+/// Compares a frame with the oracle; returns the largest error, relative to the value or to 1, and
+/// the share of pixels left out.
 pub(crate) fn compare(
     soup: &Soup,
     camera: &Camera,
@@ -90,8 +91,8 @@ pub(crate) fn random_grad(seed: u64, picture: &[Pixel<f64>], geometry: bool) -> 
     d
 }
 
-/// Largest error of a gradient, each group (vertices, opacity, σ, SH) relative to its largest entry in the triangle,
-/// or to 2% of its largest in all triangles.
+/// Largest error of a gradient, each group (vertices, opacity, σ, SH) relative to its largest entry
+/// in the triangle, or to 2% of its largest in all triangles.
 pub(crate) fn compare_grads(
     soup: &Soup,
     camera: &Camera,

@@ -70,8 +70,8 @@ fn covered_frames_and_gradients_equal_the_oracle() {
             compare(&soup, &camera([37, 29]), &SoftOptions { geometry: true, ..o }, COVERED_FRAME);
         eprintln!("seed {seed}: largest error {worst:.1e}, {:.1}% near a jump", left_out * 100.0);
         assert!(left_out < LEFT_OUT);
-        // Opacity has no meaning where the last layer is opaque: only soft ones are compared. Nor are colours
-        // above 1, at which the gradient passes the clamp.
+        // Opacity has no meaning where the last layer is opaque: only soft ones are compared. Nor
+        // are colours above 1, at which the gradient passes the clamp.
         soup.opacity.iter_mut().for_each(|o| *o = o.min(0.97));
         soup.sh.as_flattened_mut().iter_mut().for_each(|c| *c *= 0.5);
         let worst = compare_grads(

@@ -1,4 +1,5 @@
-//! Tests against pictures by brute force in double precision: every Gaussian at every pixel, by the textbook's formulas.
+//! Tests against pictures by brute force in double precision: every Gaussian at every pixel, by the
+//! textbook's formulas.
 
 use glam::{DMat2, DMat3, DVec2, DVec3, Mat3, Quat, UVec2, Vec2, Vec3};
 use trisplat_raster::gaussian::{GaussianOptions, draw};
@@ -49,7 +50,8 @@ fn flatten(splats: &Splats, camera: &Camera, near: f64) -> Vec<Flat> {
     flat
 }
 
-/// Degree 0 and 1 by their formulas, higher ones as the kernels' double-precision form has them, which tests of its own check.
+/// Degree 0 and 1 by their formulas, higher ones as the kernels' double-precision form has them,
+/// which tests of its own check.
 fn color(splats: &Splats, i: usize, d: DVec3) -> DVec3 {
     let k = splats.sh_count();
     let basis = trisplat_raster::kernel::sh::basis::<f64>(

@@ -1,5 +1,5 @@
-//! The rasterisers. Soft: whole frames and gradients against the brute-force oracle, the same bits for any number of
-//! threads, hostile scenes. Solid: against a ray caster in double precision.
+//! The rasterisers. Soft: whole frames and gradients against the brute-force oracle, the same bits
+//! for any number of threads, hostile scenes. Solid: against a ray caster in double precision.
 
 #![allow(clippy::print_stderr, reason = "prints the largest error it found")]
 

@@ -1,5 +1,5 @@
-//! The solid rasteriser against a ray caster in double precision that tests every face for every sample; it states
-//! where the two may differ.
+//! The solid rasteriser against a ray caster in double precision that tests every face for every
+//! sample; it states where the two may differ.
 
 use glam::{Mat3, Quat, UVec2, Vec2, Vec3};
 use trisplat_oracle::ray_caster::{FaceAt, RayFace, ray};
@@ -166,8 +166,8 @@ fn a_world_far_from_its_origin_is_drawn_as_sharply() {
         let offset = Vec3::new(far, -far, 0.5 * far);
         let rotation =
             Mat3::from_quat(Quat::from_axis_angle(Vec3::new(1.0, 2.0, -0.5).normalize(), angle));
-        // Single-precision coordinates are 1/16 apart there, so everything is larger, but the camera is near enough
-        // for its position to matter to less than that.
+        // Single-precision coordinates are 1/16 apart there, so everything is larger, but the
+        // camera is near enough for its position to matter to less than that.
         let corners = cloud(14, 200, 40.0, 2.0, 30.0).into_iter();
         let corners = corners.map(|t| t.map(|v| rotation.transpose() * v + offset)).collect();
         let camera = Camera { rotation, translation: -(rotation * offset), ..camera(size) };
@@ -202,8 +202,8 @@ fn net(depth: impl Fn(f32, f32) -> f32) -> Mesh {
 
 #[test]
 fn neighbours_neither_gap_nor_overlap() {
-    // Flat; with corners on centres of samples and between them, so that edges run through many; and a ground
-    // that runs from behind the camera to far outside the guard band.
+    // Flat; with corners on centres of samples and between them, so that edges run through many;
+    // and a ground that runs from behind the camera to far outside the guard band.
     let tilt = |_: f32, y: f32| 0.3 - 0.2 * y;
     let mut even = net(|_, _| 1.0);
     even.positions.iter_mut().for_each(|p| *p = (*p * 8.0).round() / 8.0);
@@ -231,7 +231,8 @@ fn neighbours_neither_gap_nor_overlap() {
 
 #[test]
 fn samples_on_an_edge_belong_to_the_triangle_on_their_lower_right() {
-    // Corners on sample centres: a square from (2.5, 2.5) to (6.5, 6.5) holds 4 x 4 samples, not 5 x 5.
+    // Corners on sample centres: a square from (2.5, 2.5) to (6.5, 6.5) holds 4 x 4 samples, not 5
+    // x 5.
     let camera = Camera { focal: Vec2::ONE, center: Vec2::ZERO, ..camera(UVec2::splat(10)) };
     let at = |x: f32, y: f32| Vec3::new(x + 0.5, y + 0.5, 1.0);
     let square = |scale: f32| {

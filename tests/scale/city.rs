@@ -127,7 +127,8 @@ fn where_the_photos_lie_changes_no_block() {
     let (there, other) = manifest(moved.path());
     assert_eq!((here, there), ("../photos".into(), "../elsewhere/pictures".into()));
     assert_eq!(one, other);
-    // A block is the same file, wherever it was trained; what is made of all of them names its photos.
+    // A block is the same file, wherever it was trained; what is made of all of them names its
+    // photos.
     for place in [&folder, &moved] {
         (0..3)
             .for_each(|i| drop(succeed(place.path(), &["train", "--block", &format!("city:{i}")])));
@@ -160,7 +161,8 @@ fn tasks_that_are_killed_end_with_the_same_bytes() {
     for (path, _) in &whole {
         std::fs::remove_file(path).unwrap();
     }
-    // Stopped in good order, again and again; then killed at once. What is done goes on elsewhere, on another number of threads.
+    // Stopped in good order, again and again; then killed at once. What is done goes on elsewhere,
+    // on another number of threads.
     let mut stops = 0;
     loop {
         let stopped = run(
@@ -239,7 +241,8 @@ fn what_no_photo_shows_is_left_out_and_its_triangles_go_to_the_others() {
             format!("{id} {turn} {turn} 0 0 {} -1.5 4 {camera} {name}", 1.5 + 1e-3 * i as f64)
         }
         _ if text.starts_with('#') => text.to_owned(),
-        // Observations of the poses before: with them, the points would be those of another reconstruction.
+        // Observations of the poses before: with them, the points would be those of another
+        // reconstruction.
         _ => String::new(),
     });
     edit("cameras.txt", &|_, text| match text.split(' ').collect::<Vec<_>>()[..] {

@@ -115,7 +115,8 @@ fn the_trained_sample_is_near_the_truth() {
             completeness.1,
             chamfer / voxel
         );
-        // A pixel of the photos is about that wide, in the middle of the scene: finer voxels show the soup's own error.
+        // A pixel of the photos is about that wide, in the middle of the scene: finer voxels show
+        // the soup's own error.
         assert!(chamfer < (0.75 * voxel).max(0.03), "{chamfer} of {voxel}");
     }
 }

@@ -58,7 +58,8 @@ fn a_ball_is_round_to_half_a_voxel() {
     assert_eq!(2 * (mesh.vertex_count() - 2), mesh.face_count(), "Euler's formula for a ball");
     assert_eq!((details.components, details.small, details.pictures), (1, 0, 24));
     let Colors::Vertex(colors) = &mesh.colors else { panic!("a colour per vertex") };
-    // Samples up to the truncation, 4 cells, before the surface are coloured by what lies behind them.
+    // Samples up to the truncation, 4 cells, before the surface are coloured by what lies behind
+    // them.
     for (position, color) in
         mesh.positions.iter().zip(colors).filter(|(p, _)| p.x.abs() > 5.0 * voxel)
     {
@@ -156,7 +157,8 @@ fn a_soup_has_the_surface_of_its_triangles_without_its_shell() {
     let mut soup = mesh.to_soup();
     soup.opacity.fill(1.0);
     soup.sigma.fill(0.01);
-    // Their windows end at their edges: they overlap a little, as trained ones do, so that nothing shows between them.
+    // Their windows end at their edges: they overlap a little, as trained ones do, so that nothing
+    // shows between them.
     for corners in &mut soup.vertices {
         let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
         *corners = corners.map(|corner| middle + (corner - middle) * 1.2);

@@ -1,4 +1,5 @@
-//! Connected surfaces: of shapes that are known exactly, of the trained sample, and as something to collide with.
+//! Connected surfaces: of shapes that are known exactly, of the trained sample, and as something to
+//! collide with.
 #![allow(clippy::print_stdout, reason = "measured figures are for people")]
 
 mod chamfer;

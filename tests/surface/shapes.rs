@@ -7,7 +7,8 @@ use trisplat_scene::mesh::{Colors, Mesh};
 /// The radius of the ball, half the side of the cube.
 pub(crate) const RADIUS: f32 = 1.0;
 
-/// A square patch of the cube from -1 to 1 for each of its sides, `n` by `n` quadrilaterals; `bend` moves the points.
+/// A square patch of the cube from -1 to 1 for each of its sides, `n` by `n` quadrilaterals; `bend`
+/// moves the points.
 fn patches(n: usize, bend: impl Fn(Vec3) -> Vec3, color: impl Fn(Vec3) -> [f32; 3]) -> Mesh {
     let mut positions = Vec::new();
     let mut colors = Vec::new();

@@ -1,4 +1,5 @@
-//! A backend that is some steps behind changes nothing of a run, and one that gets lost leaves a checkpoint.
+//! A backend that is some steps behind changes nothing of a run, and one that gets lost leaves a
+//! checkpoint.
 
 use super::{options, scene, small};
 use std::borrow::Cow;
@@ -10,7 +11,8 @@ use trisplat_train::{
     TrainBackend, TrainEvent, TrainRun, TrainSample, TrainState, checkpoint,
 };
 
-/// The CPU's backend, which keeps figures of the last steps to itself, and is lost after some of them.
+/// The CPU's backend, which keeps figures of the last steps to itself, and is lost after some of
+/// them.
 #[derive(Debug)]
 struct Late {
     cpu: CpuBackend,

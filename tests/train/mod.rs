@@ -1,5 +1,5 @@
-//! Runs on small scenes: they reach a PSNR, resume bit for bit, survive odd data sets, and do not care
-//! where a scene lies or how large it is.
+//! Runs on small scenes: they reach a PSNR, resume bit for bit, survive odd data sets, and do not
+//! care where a scene lies or how large it is.
 
 mod colors;
 mod exposure;
@@ -101,7 +101,8 @@ fn a_resumed_run_is_the_straight_one_bit_for_bit() {
 #[test]
 fn a_resumed_run_that_turns_solid_is_the_straight_one_too() {
     let solid = TrainOptions::preset(TrainPreset::Solid);
-    // Error-driven growth and a shell too: sums of errors and what is pinned have to survive the stop.
+    // Error-driven growth and a shell too: sums of errors and what is pinned have to survive the
+    // stop.
     let densify = DensifyOptions { sample_by: SampleWeight::Error, ..solid.densify.clone() };
     resumes(&TrainOptions { steps: 200, max_triangles: 1400, densify, ..solid });
 }
@@ -110,7 +111,8 @@ fn resumes(options: &TrainOptions) {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
     let straight = trained(&dataset, options);
-    // In the middle of an epoch, before, at and after densifications, and at a change of resolution.
+    // In the middle of an epoch, before, at and after densifications, and at a change of
+    // resolution.
     for stop in [1, 37, 66, 100, 167, 199] {
         let path = folder.path().join("a.checkpoint");
         let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
@@ -147,7 +149,8 @@ fn a_photo_that_cannot_be_read_costs_no_step() {
     let dataset = scene(folder.path(), &SyntheticOptions { views: 40, ..small() });
     let path = folder.path().join("a.checkpoint");
     let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
-    // No memory for photos: only the next few are decoded ahead. A shell and exposures would look at all of them first.
+    // No memory for photos: only the next few are decoded ahead. A shell and exposures would look
+    // at all of them first.
     let init = InitOptions { shell_subdivisions: 0, ..options(200).init };
     let options = TrainOptions { init, exposure: ExposureUse::Off, ..options(200) };
     let run = TrainRun { outputs, photo_bytes: 0, ..TrainRun::new(&dataset, &options) };

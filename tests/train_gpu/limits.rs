@@ -1,5 +1,5 @@
-//! The bits of a run do not depend on what the backend takes of the card: how far it is behind, how much room there is, whether
-//! photos stay.
+//! The bits of a run do not depend on what the backend takes of the card: how far it is behind, how
+//! much room there is, whether photos stay.
 
 use super::{card, scene, small_card};
 use glam::{Mat3, Vec3};

@@ -1,5 +1,6 @@
-//! Training on a graphics card against training on the CPU: function by function, step by step, run by run. Without a card,
-//! software Vulkan serves (Debian: mesa-vulkan-drivers); without that too, tests say so and pass, unless TRISPLAT_REQUIRE_GPU=1.
+//! Training on a graphics card against training on the CPU: function by function, step by step, run
+//! by run. Without a card, software Vulkan serves (Debian: mesa-vulkan-drivers); without that too,
+//! tests say so and pass, unless TRISPLAT_REQUIRE_GPU=1.
 
 #![cfg(feature = "gpu")]
 #![allow(clippy::print_stderr, reason = "a test that cannot judge says so")]

@@ -20,8 +20,8 @@ fn soup(count: usize, sh_degree: u8) -> Soup {
     soup
 }
 
-/// 99.9% of the colours and transmittances are so close, and the rest is the few pixels where a layer is drawn on one side of the
-/// cutoff here and on the other there.
+/// 99.9% of the colours and transmittances are so close, and the rest is the few pixels where a
+/// layer is drawn on one side of the cutoff here and on the other there.
 fn assert_close(card: &Frame, cpu: &Frame, what: &str) {
     assert_eq!(card.size, cpu.size, "{what}");
     let colors = card.rgb.as_flattened().iter().zip(cpu.rgb.as_flattened());

@@ -1,5 +1,5 @@
-//! Whole runs on the synthetic scene: as good as the CPU's, the same bits twice, resumed bit for bit, from one backend to the
-//! other and back.
+//! Whole runs on the synthetic scene: as good as the CPU's, the same bits twice, resumed bit for
+//! bit, from one backend to the other and back.
 
 use super::{card, small_card};
 use std::borrow::Cow;
@@ -22,7 +22,8 @@ fn dataset(folder: &Path) -> Dataset {
     Dataset::load(folder, &DatasetOptions::default()).unwrap()
 }
 
-/// Corners move less than by default: roundings grow with every step, and large triangles would make the widest.
+/// Corners move less than by default: roundings grow with every step, and large triangles would
+/// make the widest.
 fn options(preset: TrainPreset, steps: u64) -> TrainOptions {
     let mut options = TrainOptions { steps, max_triangles: 800, ..TrainOptions::preset(preset) };
     options.rates.corners = 0.02;
@@ -165,8 +166,8 @@ fn soft_runs_are_those_of_the_cpu() {
     }
 }
 
-/// Turning solid amplifies every rounding, as opacities are driven to 0 or 1 and the faint are pruned: compared are runs from the
-/// same checkpoint in the part that is drawn as an engine draws.
+/// Turning solid amplifies every rounding, as opacities are driven to 0 or 1 and the faint are
+/// pruned: compared are runs from the same checkpoint in the part that is drawn as an engine draws.
 #[test]
 fn a_solid_run_is_that_of_the_cpu_from_where_it_is_opaque() {
     let Some(mut card) = backend() else { return };

@@ -1,4 +1,5 @@
-//! Single steps: their gradients, as Adam's first moments show them, their figures, and what was visible.
+//! Single steps: their gradients, as Adam's first moments show them, their figures, and what was
+//! visible.
 
 use super::{card, scene};
 use glam::Vec3;
@@ -167,12 +168,14 @@ fn apart<T: Copy + Into<f64>>(
     pairs.iter().map(|(a, b)| (a - b).abs() / largest).fold(0.0, f64::max)
 }
 
-/// Largest error of a gradient, relative to the largest of its group: 1.8e-5 measured on lavapipe, of corners.
+/// Largest error of a gradient, relative to the largest of its group: 1.8e-5 measured on lavapipe,
+/// of corners.
 const GRADIENTS: f64 = 2e-5;
 /// Of the figures of a step; 1e-7 measured.
 const FIGURES: f64 = 1e-6;
 
-/// Triangles, of 300, whose largest weight may be a matter of rounding: 8 measured, long ones that cut through others.
+/// Triangles, of 300, whose largest weight may be a matter of rounding: 8 measured, long ones that
+/// cut through others.
 const MOST_UNDECIDED: usize = 10;
 
 #[test]
@@ -288,8 +291,8 @@ fn jumped(a: &[f32], b: &[f32]) -> BTreeSet<usize> {
     a.iter().zip(b).enumerate().filter(|(_, pair)| apart(*pair)).map(|(i, _)| i).collect()
 }
 
-/// Triangles whose largest weight jumps on the CPU as well when corners move by a rounding error: in a pixel where two layers are as deep
-/// the order of both, and so their weights, may be either.
+/// Triangles whose largest weight jumps on the CPU as well when corners move by a rounding error:
+/// in a pixel where two layers are as deep the order of both, and so their weights, may be either.
 fn undecided(
     case: &Case,
     options: SoftOptions,

@@ -26,7 +26,8 @@ struct Twin {
     wgsl: &'static str,
     outputs: usize,
     rust: fn(&[f32]) -> Vec<f32>,
-    /// Largest error: of 99.9% of the rows, relative to the number, or to a fiftieth of the largest number of that output.
+    /// Largest error: of 99.9% of the rows, relative to the number, or to a fiftieth of the largest
+    /// number of that output.
     bound: f32,
 }
 

@@ -1,5 +1,6 @@
-//! The graphics card's pictures against a ray caster in f64. Without a card, software Vulkan serves (Debian:
-//! mesa-vulkan-drivers); without that too, tests say so and pass, unless TRISPLAT_REQUIRE_GPU=1.
+//! The graphics card's pictures against a ray caster in f64. Without a card, software Vulkan serves
+//! (Debian: mesa-vulkan-drivers); without that too, tests say so and pass, unless
+//! TRISPLAT_REQUIRE_GPU=1.
 
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use trisplat_bake::{BakeOptions, BakePreset, bake};
@@ -99,7 +100,8 @@ fn cast(mesh: &Mesh, camera: &Camera, at: Vec2) -> Option<(usize, [f64; 3])> {
         let q = (-a).cross(b - a);
         let v = ray.dot(q) * inverse;
         let t = (c - a).dot(q) * inverse;
-        // Both axes of the picture are those of a camera that looks along +z with y down: fronts turn clockwise about the ray.
+        // Both axes of the picture are those of a camera that looks along +z with y down: fronts
+        // turn clockwise about the ray.
         let is_back = (b - a).cross(c - a).dot(ray) > 0.0;
         if is_back && mesh.is_single_sided(face) {
             continue;
@@ -133,8 +135,8 @@ fn off(a: [u8; 3], b: [u8; 3]) -> u8 {
     (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap_or(0)
 }
 
-/// Within a face all pixels agree to one code; along edges, where the card rounds corners to 1/256 of a pixel,
-/// few differ.
+/// Within a face all pixels agree to one code; along edges, where the card rounds corners to 1/256
+/// of a pixel, few differ.
 fn assert_agrees(name: &str, got: &RgbImage, faces: &[usize], wants: &RgbImage) {
     let width = wants.size.x as usize;
     let inside = |i: usize| {

@@ -1,4 +1,5 @@
-//! Drags a file from a window of its own onto another, as file managers do (the XDND protocol, version 5).
+//! Drags a file from a window of its own onto another, as file managers do (the XDND protocol,
+//! version 5).
 
 use std::time::{Duration, Instant};
 use x11rb::connection::Connection;
@@ -48,7 +49,8 @@ impl Drag<'_> {
         self.x11.flush().unwrap();
     }
 
-    /// Hands out the list of files when it is asked for, until the target has said `what` and has the list.
+    /// Hands out the list of files when it is asked for, until the target has said `what` and has
+    /// the list.
     fn answer_until(&self, what: &str) {
         let start = Instant::now();
         let wanted = self.atom(what);

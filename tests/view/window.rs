@@ -1,5 +1,5 @@
-//! A real window on a virtual screen, with a synthetic mouse and keys. Wants Xvfb, xdotool and ImageMagick; without
-//! them tests say so and pass, unless TRISPLAT_REQUIRE_GPU=1.
+//! A real window on a virtual screen, with a synthetic mouse and keys. Wants Xvfb, xdotool and
+//! ImageMagick; without them tests say so and pass, unless TRISPLAT_REQUIRE_GPU=1.
 
 use super::drag::drop_on;
 use crate::samples;
@@ -77,7 +77,8 @@ impl Desk {
         assert!(done.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&done.stderr));
     }
 
-    /// Opens a window and waits until it has the focus and has drawn something: keys pressed before are lost.
+    /// Opens a window and waits until it has the focus and has drawn something: keys pressed before
+    /// are lost.
     fn open(&mut self, arguments: &[&str]) {
         let said = std::fs::File::create(self.at("said")).unwrap();
         let mut child = self.trisplat(arguments).stderr(said).spawn().unwrap();
@@ -200,7 +201,8 @@ fn red(picture: &RgbImage) -> usize {
 fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     let Some(mut desk) = Desk::new() else { return };
     samples::studio(desk.at("studio.ply"), 4000);
-    // A file: `render` takes the colours of a soft soup from its soft pictures, the window shows them as they are.
+    // A file: `render` takes the colours of a soft soup from its soft pictures, the window shows
+    // them as they are.
     desk.run(&["bake", "studio.ply", "-o", "studio.glb", "--teacher", "off"]);
     write_photos(&desk.at("photos"));
     desk.run(&[
@@ -229,7 +231,8 @@ fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     ];
     desk.open(&view);
 
-    // Without the panel the window is the picture of the photo that shows the subject best, as the CPU draws it.
+    // Without the panel the window is the picture of the photo that shows the subject best, as the
+    // CPU draws it.
     desk.xdotool("key h");
     let cpu = shown_picture(&desk, &desk.at("cpu"));
     let same = |desk: &Desk, wants: &RgbImage, what: &str| {
@@ -424,7 +427,8 @@ fn a_training_is_shown_while_it_runs_and_its_file_is_that_of_one_nobody_watches(
     desk.run(&train("alone.ply", &[]));
     desk.open(&train("watched.ply", &["--view"]));
     let first = desk.seen();
-    // The note of the end stands in the panel, and the picture is no longer that of the first triangles.
+    // The note of the end stands in the panel, and the picture is no longer that of the first
+    // triangles.
     let watched = desk.at("watched.ply");
     wait_for("the scene", || watched.exists().then_some(()));
     wait_for("another picture", || (off(&desk.seen(), &first) > 0.02).then_some(()));

@@ -1,10 +1,10 @@
-//! Closes holes, pixels of photos that no triangle covers, by a far sphere behind everything. The next stage
-//! takes its colours from the photos.
+//! Closes holes, pixels of photos that no triangle covers, by a far sphere behind everything. The
+//! next stage takes its colours from the photos.
 //!
-//! A soft scene hides its holes under haze; a solid one shows the engine's background through them. The
-//! sphere does not belong to the scene: its triangles come last, [`Provenance::backdrop`] counts them, and
-//! files store them separately. They are visible from inside only, so a viewer outside looks through the near
-//! side.
+//! A soft scene hides its holes under haze; a solid one shows the engine's background through them.
+//! The sphere does not belong to the scene: its triangles come last, [`Provenance::backdrop`]
+//! counts them, and files store them separately. They are visible from inside only, so a viewer
+//! outside looks through the near side.
 //!
 //! [`Provenance::backdrop`]: trisplat_scene::Provenance::backdrop
 
@@ -90,9 +90,12 @@ pub struct BackdropDetails {
 
 trisplat_scene::stage!(BackdropDetails, "backdrop");
 
-/// Puts a sphere behind `mesh` when `views` see holes in it, and a `budget` of triangles leaves room for it.
+/// Puts a sphere behind `mesh` when `views` see holes in it, and a `budget` of triangles leaves
+/// room for it.
 ///
-/// Errors: a photo that cannot be decoded.
+/// # Errors
+///
+/// A photo that cannot be decoded.
 pub fn backdrop(
     mesh: &mut Mesh,
     views: Option<&mut Views>,
@@ -140,7 +143,9 @@ pub fn backdrop(
 
 /// Puts the backdrop of the input, `given`, behind `mesh` again, unless none is wanted.
 ///
-/// Errors: more vertices than 32 bits count.
+/// # Errors
+///
+/// More vertices than 32 bits count.
 pub(crate) fn keep_backdrop(
     mesh: &mut Mesh,
     mut given: Mesh,
@@ -195,14 +200,16 @@ fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
     Ok(Holes { share: open / f64::max(all, 1e-9), counted, color: mean })
 }
 
-/// Subdivisions of the octahedron for a scene of `faces`; `None` where a budget leaves no room for it.
+/// Subdivisions of the octahedron for a scene of `faces`; `None` where a budget leaves no room for
+/// it.
 fn subdivisions(faces: usize, budget: Option<u64>) -> Option<u32> {
     let fits = |l: &u32| face_count(*l) as usize * SCENE_PER_BACKDROP <= faces;
     let most = (3..=MOST_SUBDIVISIONS).rev().find(fits).unwrap_or(2);
     (1..=most).rev().find(|l| budget.is_none_or(|budget| face_count(*l) <= share_behind(budget)))
 }
 
-/// The triangles of a budget that surroundings take at most: small budgets are for what one looks at.
+/// The triangles of a budget that surroundings take at most: small budgets are for what one looks
+/// at.
 pub(super) fn share_behind(budget: u64) -> u64 {
     budget / 8
 }
@@ -219,7 +226,8 @@ mod tests {
             let faces: Vec<[Vec3; 3]> =
                 (0..mesh.face_count()).map(|face| mesh.corners(face)).collect();
             assert_eq!(faces.len(), 8 << (2 * levels));
-            // Solid angles of a closed sphere seen from its middle add up to 4π; flat faces approach it by area.
+            // Solid angles of a closed sphere seen from its middle add up to 4π; flat faces
+            // approach it by area.
             let area: f32 =
                 faces.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a).length() / 2.0).sum();
             let exact = 4.0 * std::f32::consts::PI;

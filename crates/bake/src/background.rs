@@ -1,7 +1,8 @@
-//! Finds the background that a soft scene was trained on, and drops the triangles that show nothing but it.
+//! Finds the background that a soft scene was trained on, and drops the triangles that show nothing
+//! but it.
 //!
-//! They would be shards on a page or before a sky. It runs on the scene as it was trained. Its result tells later
-//! stages to draw the object alone, so that fitting leaves no new ones.
+//! They would be shards on a page or before a sky. It runs on the scene as it was trained. Its
+//! result tells later stages to draw the object alone, so that fitting leaves no new ones.
 
 use super::teacher::{HAS_PHOTOS, soft_soup, viewpoints};
 use std::fmt;
@@ -96,7 +97,8 @@ pub struct BackgroundDetails {
 }
 
 impl BackgroundDetails {
-    /// The colour behind the object, sRGB-encoded: black where any will do. `None` where there is no object.
+    /// The colour behind the object, sRGB-encoded: black where any will do. `None` where there is
+    /// no object.
     pub fn behind(&self) -> Option<[f32; 3]> {
         self.object.then(|| self.color.unwrap_or(Color([0; 3])).to_f32())
     }

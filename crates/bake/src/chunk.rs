@@ -1,5 +1,5 @@
-//! Cuts the faces into compact runs, each its own mesh and node, so that engines can cull them. Cuts minimise
-//! surface area times chunks.
+//! Cuts the faces into compact runs, each its own mesh and node, so that engines can cull them.
+//! Cuts minimise surface area times chunks.
 
 mod cut;
 
@@ -8,22 +8,23 @@ pub(super) use cut::cut;
 use trisplat_scene::report::Outcome;
 use trisplat_scene::{Asset, Chunk, Error, Result, parallel};
 
-/// Most faces of a chunk: 65,535 vertices when no corner is shared, the most that 16-bit indices can address
-/// (65,535 itself restarts a primitive).
+/// Most faces of a chunk: 65,535 vertices when no corner is shared, the most that 16-bit indices
+/// can address (65,535 itself restarts a primitive).
 pub const MAX_CHUNK_TRIANGLES: u32 = 21_845;
 
 /// How the scene is cut into nodes.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ChunkOptions {
-    /// Most triangles in a chunk, at most 21845; each chunk is a mesh and node of its own, skipped when
-    /// out of view (0 = one chunk)
+    /// Most triangles in a chunk, at most 21845; each chunk is a mesh and node of its own, skipped
+    /// when out of view (0 = one chunk)
     #[schemars(range(max = 21_845))]
     pub chunk_triangles: u32,
 }
 
 impl ChunkOptions {
-    /// Small enough to be skipped often, large enough that a scene has hundreds of draws, not thousands.
+    /// Small enough to be skipped often, large enough that a scene has hundreds of draws, not
+    /// thousands.
     pub const DEFAULT: Self = Self { chunk_triangles: 16_384 };
     /// One chunk.
     pub const FAST: Self = Self { chunk_triangles: 0 };
@@ -47,11 +48,14 @@ pub struct ChunkDetails {
 
 trisplat_scene::stage!(ChunkDetails, "chunk");
 
-/// Sets `asset.chunks` and puts the faces in their order. A scene of one chunk is left unchanged. A backdrop
-/// becomes the last chunk, because its box surrounds everything and could never be culled. `within` is
-/// the order of the faces of a chunk; it is made here, so that a large scene is moved in memory once.
+/// Sets `asset.chunks` and puts the faces in their order. A scene of one chunk is left unchanged. A
+/// backdrop becomes the last chunk, because its box surrounds everything and could never be culled.
+/// `within` is the order of the faces of a chunk; it is made here, so that a large scene is moved
+/// in memory once.
 ///
-/// Errors: `chunk_triangles` above [`MAX_CHUNK_TRIANGLES`].
+/// # Errors
+///
+/// `chunk_triangles` above [`MAX_CHUNK_TRIANGLES`].
 pub fn chunk(
     asset: &mut Asset,
     options: &ChunkOptions,
@@ -108,7 +112,8 @@ impl ChunkDetails {
     }
 }
 
-/// Cuts chunks so that all faces of one have the same material; within it they keep their order. Returns whether it did.
+/// Cuts chunks so that all faces of one have the same material; within it they keep their order.
+/// Returns whether it did.
 pub(super) fn by_material(asset: &mut Asset) -> bool {
     let mesh = &asset.mesh;
     let has_pages = mesh.texture.as_ref().is_some_and(|texture| !texture.page_of.is_empty());

@@ -22,8 +22,9 @@ pub(crate) use volume::SubjectVolume;
 #[serde(deny_unknown_fields, default)]
 pub struct CropOptions {
     /// Keep only triangles whose centroid is in a region, in the coordinates of the input: a box
-    /// X0,Y0,Z0,X1,Y1,Z1, a sphere X,Y,Z,RADIUS, seen:K, the view of at least K cameras (of `--dataset` or
-    /// the file), or subject, the object that the cameras look at, with the origin under it. Given several times: in all of them
+    /// X0,Y0,Z0,X1,Y1,Z1, a sphere X,Y,Z,RADIUS, seen:K, the view of at least K cameras (of
+    /// `--dataset` or the file), or subject, the object that the cameras look at, with the origin
+    /// under it. Given several times: in all of them
     #[cfg_attr(feature = "cli", arg(long, value_name = "REGION", allow_hyphen_values = true))]
     #[schemars(with = "Vec<String>")]
     pub crop: Vec<Region>,
@@ -46,19 +47,23 @@ impl CropOptions {
 pub struct CropDetails {
     /// Triangles outside the region.
     pub outside: u64,
-    /// Triangles of the subject, or of what it stands on, that ended beyond the region and were cut there.
+    /// Triangles of the subject, or of what it stands on, that ended beyond the region and were cut
+    /// there.
     pub cut: u64,
-    /// Radius of the subject, as a share of the median distance of the cameras from it; absent without cameras.
+    /// Radius of the subject, as a share of the median distance of the cameras from it; absent
+    /// without cameras.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub subject_share: Option<f64>,
 }
 
 trisplat_scene::stage!(CropDetails, "crop");
 
-/// Drops the triangles of `scene` outside the region; returns the space of the subject, if that is kept. `cameras` look at the scene, in its
-/// frame; `up` is that of its file, if it names one.
+/// Drops the triangles of `scene` outside the region; returns the space of the subject, if that is
+/// kept. `cameras` look at the scene, in its frame; `up` is that of its file, if it names one.
 ///
-/// Errors: a region by cameras without cameras; nothing left.
+/// # Errors
+///
+/// A region by cameras without cameras; nothing left.
 pub(crate) fn crop(
     scene: &mut Scene,
     cameras: &[Camera],
@@ -85,7 +90,8 @@ pub(crate) fn crop(
     Ok((Outcome::Changed(()), volume))
 }
 
-/// Keeps what is in the `volume` of the triangles that have `keep`. Returns the number of those that were cut.
+/// Keeps what is in the `volume` of the triangles that have `keep`. Returns the number of those
+/// that were cut.
 fn keep_parts(soup: &mut Soup, keep: &[bool], volume: &SubjectVolume) -> u64 {
     let mut order = Vec::new();
     let mut corners = Vec::new();
@@ -100,9 +106,12 @@ fn keep_parts(soup: &mut Soup, keep: &[bool], volume: &SubjectVolume) -> u64 {
     cut
 }
 
-/// Which triangles of `scene` are in the region, at least one, and the space of the subject, if it is asked for.
+/// Which triangles of `scene` are in the region, at least one, and the space of the subject, if it
+/// is asked for.
 ///
-/// Errors: as [`crop`].
+/// # Errors
+///
+/// As [`crop`].
 fn kept(
     scene: &Scene,
     cameras: &[Camera],
@@ -192,7 +201,8 @@ mod tests {
         assert_eq!(left(&["3,0,0,1.5"], &[]).ok(), Some(3));
         assert_eq!(left(&["2.5,-1,-1,6.5,1,1", "3,0,0,1.5"], &[]).ok(), Some(2));
         assert_eq!(left(&["-1,-1,-1,20,1,1"], &[]).ok(), Some(10));
-        // Ahead of a camera at x = 4 with a right angle of view that looks along x, and of one at x = 6.
+        // Ahead of a camera at x = 4 with a right angle of view that looks along x, and of one at x
+        // = 6.
         let camera = |x: f32| {
             let lens = Camera {
                 rotation: Mat3::IDENTITY,

@@ -1,13 +1,14 @@
 //! Decimation: which triangles to drop, and how the others cover the gaps.
 //!
-//! The importance of a triangle is the error of the picture without it: the squared differences between its
-//! colour and the colour behind it, summed over the samples that it covers. It is measured by rendering the
-//! scene without some of its triangles, chosen at random. Each of several rounds drops the least important
-//! share, because triangles behind others may be gone in the next round.
+//! The importance of a triangle is the error of the picture without it: the squared differences
+//! between its colour and the colour behind it, summed over the samples that it covers. It is
+//! measured by rendering the scene without some of its triangles, chosen at random. Each of several
+//! rounds drops the least important share, because triangles behind others may be gone in the next
+//! round.
 //!
-//! Then the remaining triangles cover the gaps. In every round each tries to move one corner at random,
-//! outwards or inwards and sideways. It keeps the move if the picture comes closer to that of the whole
-//! scene.
+//! Then the remaining triangles cover the gaps. In every round each tries to move one corner at
+//! random, outwards or inwards and sideways. It keeps the move if the picture comes closer to that
+//! of the whole scene.
 //!
 //! Without cameras only size decides: see [`rank_by_size`] and [`enlarge`].
 
@@ -25,17 +26,19 @@ mod compare;
 
 /// Share of the triangles left after a round.
 const ROUND_SHARE: f64 = 0.84;
-/// Cameras that draw in such a round: the visible area of every triangle in all cameras is known already.
+/// Cameras that draw in such a round: the visible area of every triangle in all cameras is known
+/// already.
 const RANK_VIEWS: usize = 16;
-/// Rounds in which corners may move, each once: three moves in a third of the rounds cost two thirds and lose 0.16 dB with an eighth of
-/// the triangles (few photos per round; commit 0aeadf69). Coarse levels need them: with half of them an eighth of the triangles lose up to 1 dB, half of the
-/// triangles up to 0.1 (commit 751a9c64).
+/// Rounds in which corners may move, each once: three moves in a third of the rounds cost two
+/// thirds and lose 0.16 dB with an eighth of the triangles (few photos per round; commit 0aeadf69).
+/// Coarse levels need them: with half of them an eighth of the triangles lose up to 1 dB, half of
+/// the triangles up to 0.1 (commit 751a9c64).
 const MOVE_ROUNDS: u32 = 16;
 /// Cameras that draw in such a round. With 12 moves are made that most of the others pay for.
 const MOVE_VIEWS: usize = 24;
 
-/// Decimation by the cameras' pictures. One decimation serves all levels of a scene, because it keeps the
-/// pictures of the whole scene.
+/// Decimation by the cameras' pictures. One decimation serves all levels of a scene, because it
+/// keeps the pictures of the whole scene.
 pub struct Decimation<'a> {
     mesh: &'a Mesh,
     comparison: Comparison<'a>,
@@ -58,8 +61,9 @@ impl<'a> Decimation<'a> {
         self.spared.get(face as usize).copied().unwrap_or(false)
     }
 
-    /// `faces`, all of them visible and in any order, ordered so that the first n of them are the n best to
-    /// keep, for every n from `fewest` on. `visible_px` is the visible area of every face of the mesh. `[F]`
+    /// `faces`, all of them visible and in any order, ordered so that the first n of them are the n
+    /// best to keep, for every n from `fewest` on. `visible_px` is the visible area of every face
+    /// of the mesh. `[F]`
     pub fn rank_by_importance(
         &mut self,
         visible_px: &[f32],
@@ -98,8 +102,8 @@ impl<'a> Decimation<'a> {
         dropped
     }
 
-    /// Moves corners of `faces` where this brings pictures closer to those with all faces. A mesh with shared
-    /// vertices is left unchanged.
+    /// Moves corners of `faces` where this brings pictures closer to those with all faces. A mesh
+    /// with shared vertices is left unchanged.
     pub fn move_corners(&mut self, faces: &[u32], mut progress: StageProgress<'_>) -> MovedCorners {
         let mut kept = faces.to_vec();
         kept.sort_unstable();
@@ -146,15 +150,15 @@ impl MovedCorners {
     }
 }
 
-// ---- Without cameras: the largest triangles stay, enlarged over the gaps --------------------------
+// ---- Without cameras: the largest triangles stay, enlarged over the gaps ------------------------
 
 /// About how many kept triangles a neighbourhood holds.
 const PER_CELL: u32 = 24;
 /// Largest factor by which a triangle is enlarged.
 const MOST_ENLARGED: f64 = 2.0;
 
-/// All faces, sorted by opacity times area, largest first. Equal ones come in random order, because the order
-/// of the file would clear whole corners of the scene. `[F]`
+/// All faces, sorted by opacity times area, largest first. Equal ones come in random order, because
+/// the order of the file would clear whole corners of the scene. `[F]`
 pub fn rank_by_size(mesh: &Mesh) -> Vec<u32> {
     let size = |f: usize| mesh.area(f) * f64::from(mesh.opacity.get(f).copied().unwrap_or(1.0));
     let sizes: Vec<f64> = (0..mesh.face_count()).map(size).collect();
@@ -167,8 +171,8 @@ pub fn rank_by_size(mesh: &Mesh) -> Vec<u32> {
     order
 }
 
-/// Scales the faces `kept` about their centroids, so that those of a neighbourhood have the area of all faces
-/// there before. A mesh with shared vertices is left unchanged.
+/// Scales the faces `kept` about their centroids, so that those of a neighbourhood have the area of
+/// all faces there before. A mesh with shared vertices is left unchanged.
 pub fn enlarge(mesh: &mut Mesh, kept: &[u32]) {
     if !mesh.indices.is_empty() {
         return;

@@ -1,5 +1,6 @@
-//! Corrects photos that differ in exposure, white balance and falloff towards the corners, at the points that they track. Later stages get
-//! corrected photos, so colours and texels do not mix exposures.
+//! Corrects photos that differ in exposure, white balance and falloff towards the corners, at the
+//! points that they track. Later stages get corrected photos, so colours and texels do not mix
+//! exposures.
 
 use super::views::Views;
 use trisplat_dataset::exposure::{
@@ -14,8 +15,8 @@ use trisplat_scene::report::Outcome;
 )]
 #[serde(deny_unknown_fields, default)]
 pub struct ExposureOptions {
-    /// Whether to correct photos that differ in exposure and white balance, or are darker in their corners: auto (as the training did), on,
-    /// off, or three shares
+    /// Whether to correct photos that differ in exposure and white balance, or are darker in their
+    /// corners: auto (as the training did), on, off, or three shares
     pub exposure: ExposureUse,
 }
 
@@ -26,7 +27,8 @@ impl ExposureOptions {
     pub const OFF: Self = Self { exposure: ExposureUse::Off };
 }
 
-/// Corrects `views` at the points that they track, by the shares of `options` or else those of the scene's training, `trained`.
+/// Corrects `views` at the points that they track, by the shares of `options` or else those of the
+/// scene's training, `trained`.
 ///
 /// # Errors
 ///

@@ -5,13 +5,15 @@
 //! → texture → lit → weld → place → viewpoint → chunk → order → lod → tiles
 //! ```
 //!
-//! Each stage is a file with its options, its function and what it measures ([`StageDetails`]); it changes
-//! its input or says why there was nothing to do. The recipe calls the stages and explains their order; no
-//! stage depends on the recipe. [`bake()`] is the plain case, [`Bake`] takes photos and writes a report.
+//! Each stage is a file with its options, its function and what it measures ([`StageDetails`]); it
+//! changes its input or says why there was nothing to do. The recipe calls the stages and explains
+//! their order; no stage depends on the recipe. [`bake()`] is the plain case, [`Bake`] takes photos
+//! and writes a report.
 //!
-//! Run twice, a stage has nothing to do the second time. Exceptions: `color` cannot run twice, because it
-//! turns a soup into a mesh. `reshape` and `refit` come closer to the photos with every pass. `place` scales
-//! again if a scale is given. `unseen` moves corners to meet a budget, and these may hide other triangles.
+//! Run twice, a stage has nothing to do the second time. Exceptions: `color` cannot run twice,
+//! because it turns a soup into a mesh. `reshape` and `refit` come closer to the photos with every
+//! pass. `place` scales again if a scale is given. `unseen` moves corners to meet a budget, and
+//! these may hide other triangles.
 //!
 //! [`StageDetails`]: trisplat_scene::report::StageDetails
 //!

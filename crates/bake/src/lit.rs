@@ -1,9 +1,9 @@
 //! Normals, for engines that light the scene, and faces whose fronts face the viewer.
 //!
-//! Triangles of a trained scene lie across the surfaces that they show, with either winding: their own
-//! normals sparkle. Normals come from the connected surface that is fused from depths of the scene. Where
-//! there is none, they are the mean of the triangles around, weighted by visible pixels. The cameras decide
-//! which side is the front.
+//! Triangles of a trained scene lie across the surfaces that they show, with either winding: their
+//! own normals sparkle. Normals come from the connected surface that is fused from depths of the
+//! scene. Where there is none, they are the mean of the triangles around, weighted by visible
+//! pixels. The cameras decide which side is the front.
 
 use glam::{IVec3, Vec3};
 use std::collections::HashMap;
@@ -22,9 +22,9 @@ use trisplat_surface::SurfaceOptions;
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct LitOptions {
-    /// Give triangles normals and a lit material instead of an unlit one. The colours contain the light of
-    /// the photos, and the engine adds its own: for shadows, fog and the mood of a scene, not for true
-    /// relighting
+    /// Give triangles normals and a lit material instead of an unlit one. The colours contain the
+    /// light of the photos, and the engine adds its own: for shadows, fog and the mood of a scene,
+    /// not for true relighting
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = LitOptions::DEFAULT.lit, num_args = 0..=1,
           require_equals = true, default_missing_value = "smooth", value_name = "NORMALS"))]
     pub lit: Lit,
@@ -70,7 +70,8 @@ pub struct LitDetails {
     pub flipped: u64,
     /// Faces that no camera sees; their winding decides their front.
     pub unseen: u64,
-    /// Faces with the normal of the connected surface near them; others take that of the triangles around.
+    /// Faces with the normal of the connected surface near them; others take that of the triangles
+    /// around.
     pub on_surface: u64,
     /// Median angle between a face's normal and its own plane's, degrees; 0 for flat ones.
     pub median_angle: f32,
@@ -88,8 +89,9 @@ const CELL: f64 = 4.0;
 pub(super) const SURFACE: SurfaceOptions =
     SurfaceOptions { resolution: Some(128), ..SurfaceOptions::DEFAULT };
 
-/// Winds the faces of `mesh` so that their fronts face `cameras`, and gives them normals. Smooth ones come
-/// from `surface` where it is near, else from the triangles around. All are in the frame of the mesh.
+/// Winds the faces of `mesh` so that their fronts face `cameras`, and gives them normals. Smooth
+/// ones come from `surface` where it is near, else from the triangles around. All are in the frame
+/// of the mesh.
 pub fn lit(
     mesh: &mut Mesh,
     cameras: &[Camera],
@@ -112,8 +114,9 @@ pub fn lit(
         Lit::Smooth => smooth(mesh, &seen, surface, details),
         _ => seen.iter().map(|seen| seen.normal).collect(),
     };
-    // An engine reverses the normal of a face seen from behind. So a face must show its front to everyone who
-    // sees the front of the surface, even if it leans away from it. One that is drawn from its front only is never seen from behind.
+    // An engine reverses the normal of a face seen from behind. So a face must show its front to
+    // everyone who sees the front of the surface, even if it leans away from it. One that is drawn
+    // from its front only is never seen from behind.
     for face in 0..mesh.face_count() {
         if !mesh.is_single_sided(face) && mesh.flat_normal(face).dot(mesh.normals[face]) < 0.0 {
             mesh.flip(face);
@@ -214,8 +217,8 @@ impl SurfaceNormals {
         Self { side, cells }
     }
 
-    /// The mean around a point, with more weight for near vertices; those that face away from `towards` do
-    /// not count. `None` far from the surface.
+    /// The mean around a point, with more weight for near vertices; those that face away from
+    /// `towards` do not count. `None` far from the surface.
     fn at(&self, point: Vec3, towards: Vec3) -> Option<Vec3> {
         let middle = (point / self.side).floor().as_ivec3();
         let mut sum = Vec3::ZERO;
@@ -235,8 +238,8 @@ fn agreement(normal: Vec3, other: Vec3) -> f32 {
     (0.5 + 0.5 * normal.dot(other)).powi(2)
 }
 
-/// The normals of triangles, summed for each cell by their nearest axis, so that sheets back to back stay
-/// apart.
+/// The normals of triangles, summed for each cell by their nearest axis, so that sheets back to
+/// back stay apart.
 struct Cells {
     side: f32,
     sums: HashMap<IVec3, [Vec3; 6]>,

@@ -1,8 +1,10 @@
-//! Levels of detail: the same scene with fewer triangles, for an engine to draw where it is small on the screen.
+//! Levels of detail: the same scene with fewer triangles, for an engine to draw where it is small
+//! on the screen.
 //!
-//! Triangles are ranked once, by importance, so that the triangles of a level are also those of every finer
-//! one. In each level they are then enlarged to cover the gaps of the dropped ones. The recipe finishes a
-//! level like the scene itself: colours from the photos if there are any, then the stages that make a file.
+//! Triangles are ranked once, by importance, so that the triangles of a level are also those of
+//! every finer one. In each level they are then enlarged to cover the gaps of the dropped ones. The
+//! recipe finishes a level like the scene itself: colours from the photos if there are any, then
+//! the stages that make a file.
 
 use super::decimate::{self, Decimation};
 use super::views::SAMPLES;
@@ -22,9 +24,10 @@ const MOST_LEVELS: usize = 8;
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct LodOptions {
-    /// Write levels of detail too, each with this share of the triangles, as in 0.5,0.25,0.125: OUT.lod1.glb
-    /// and so on, and OUT.tileset.json (3D Tiles 1.1) that names them all; for the targets godot, unity and
-    /// unreal also OUT.lod.tscn, .cs or .py, with which the engine switches levels by distance
+    /// Write levels of detail too, each with this share of the triangles, as in 0.5,0.25,0.125:
+    /// OUT.lod1.glb and so on, and OUT.tileset.json (3D Tiles 1.1) that names them all; for the
+    /// targets godot, unity and unreal also OUT.lod.tscn, .cs or .py, with which the engine
+    /// switches levels by distance
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARES", value_delimiter = ','))]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub lod: Vec<f64>,
@@ -123,14 +126,17 @@ pub struct FinishedLevel {
     pub psnr: Option<f64>,
 }
 
-/// The share of the stage's time for ranking; each level then takes an equal part of the rest, and ...
+/// The share of the stage's time for ranking; each level then takes an equal part of the rest, and
+/// ...
 const RANKING_PART: f64 = 0.2;
 /// ... this much of its part before it is finished.
 const MOVING_PART: f64 = 0.5;
 
 /// Makes the levels of `source`, coarser and coarser, into `levels`, each finished by `finish`.
 ///
-/// Errors: those of `finish`.
+/// # Errors
+///
+/// Those of `finish`.
 pub fn lod(
     levels: &mut Vec<Asset>,
     source: &LevelSource<'_>,

@@ -1,8 +1,8 @@
 //! Several inputs become one scene.
 //!
-//! Inputs that lie far from the origin of their world have origins of their own (`formats::far`); they are
-//! moved to one of these first. Soups make a soup and meshes a mesh. The recipe makes a soup solid before it
-//! joins a mesh. Colours beside textures become a texture, too.
+//! Inputs that lie far from the origin of their world have origins of their own (`formats::far`);
+//! they are moved to one of these first. Soups make a soup and meshes a mesh. The recipe makes a
+//! soup solid before it joins a mesh. Colours beside textures become a texture, too.
 
 use crate::texture::texture_all;
 use glam::{DVec3, Vec3};
@@ -14,7 +14,10 @@ use trisplat_scene::{
 
 /// One scene out of `inputs`, in their order.
 ///
-/// Errors: no input, soups and meshes together, files with different axes up, too many coloured triangles beside a texture.
+/// # Errors
+///
+/// No input, soups and meshes together, files with different axes up, too many coloured triangles
+/// beside a texture.
 pub fn merge(mut inputs: Vec<ImportedScene>) -> Result<ImportedScene> {
     share_origin(&mut inputs);
     texture_all(&mut inputs)?;
@@ -56,9 +59,9 @@ pub fn merge(mut inputs: Vec<ImportedScene>) -> Result<ImportedScene> {
     Ok(all)
 }
 
-/// Takes the soups and baked meshes of `inputs` to one frame: that of the soups, from which the meshes were
-/// placed when they were baked. A soup without an up axis takes that of the meshes; a mesh that was not
-/// turned takes that of the soups.
+/// Takes the soups and baked meshes of `inputs` to one frame: that of the soups, from which the
+/// meshes were placed when they were baked. A soup without an up axis takes that of the meshes; a
+/// mesh that was not turned takes that of the soups.
 pub(super) fn share_world(inputs: &mut [ImportedScene]) {
     share_origin(inputs);
     let is_soup = |loaded: &&ImportedScene| matches!(loaded.scene, Scene::Soup(_));
@@ -110,14 +113,14 @@ fn merge_provenance(a: Provenance, b: Provenance) -> Result<Provenance> {
     })
 }
 
-// ---- One origin for all inputs of a bake -------------------------------------------------------------
+// ---- One origin for all inputs of a bake --------------------------------------------------------
 
-/// At greater distances between inputs, in units of the world, f32 rounds positions by more than a thousandth
-/// of a unit.
+/// At greater distances between inputs, in units of the world, f32 rounds positions by more than a
+/// thousandth of a unit.
 const APART: f64 = 16_384.0;
 
-/// Moves inputs to the origin of the first one that is far from that of its world, or of the first soup. An
-/// input without a known place in that world keeps its coordinates; a warning names it.
+/// Moves inputs to the origin of the first one that is far from that of its world, or of the first
+/// soup. An input without a known place in that world keeps its coordinates; a warning names it.
 pub(super) fn share_origin(inputs: &mut [ImportedScene]) {
     let placements = || inputs.iter().map(|loaded| loaded.provenance.placement);
     let Some(first) = placements().next().filter(|first| placements().any(|other| other != *first))
@@ -164,8 +167,8 @@ pub(super) fn share_origin(inputs: &mut [ImportedScene]) {
     }
 }
 
-/// Whether a reader gave the file an origin of its own, because it is far from that of its world, or a bake
-/// kept such an origin.
+/// Whether a reader gave the file an origin of its own, because it is far from that of its world,
+/// or a bake kept such an origin.
 fn is_georeferenced(placement: &Placement) -> bool {
     is_far(DVec3::from(placement.center))
 }
@@ -177,8 +180,8 @@ fn is_moved_soup(loaded: &ImportedScene) -> bool {
         && Placement { up, rotate, scale, center: [0.0; 3] } == Placement::IDENTITY
 }
 
-/// Whether an input that was never moved is nearer to the origin of a frame than to that of the world. It is
-/// then a single-precision file of the same place.
+/// Whether an input that was never moved is nearer to the origin of a frame than to that of the
+/// world. It is then a single-precision file of the same place.
 fn is_at(loaded: &ImportedScene, frame: &Placement) -> bool {
     let triangles = loaded.scene.triangle_count();
     let corner = |i: usize| loaded.scene.corners(i)[0];

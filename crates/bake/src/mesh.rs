@@ -72,10 +72,12 @@ impl MeshOptions {
     }
 }
 
-/// The upright surface of `scene` that the cameras of `views` see; without `views`, stored or chosen cameras
-/// are used. `limits` bound the memory of the distance field.
+/// The upright surface of `scene` that the cameras of `views` see; without `views`, stored or
+/// chosen cameras are used. `limits` bound the memory of the distance field.
 ///
-/// Errors: options out of range, nothing to be seen, no surface left.
+/// # Errors
+///
+/// Options out of range, nothing to be seen, no surface left.
 pub fn mesh(
     mut scene: ImportedScene,
     mut views: Option<&mut Views>,
@@ -102,7 +104,8 @@ pub fn mesh(
     if !options.surface.shell {
         scene.take_backdrop();
     }
-    // The subject is cut from the surface: a scene that is cut first has pictures that are torn along its triangles.
+    // The subject is cut from the surface: a scene that is cut first has pictures that are torn
+    // along its triangles.
     let whole = options.crop.is_subject().then(|| scene.clone());
     let (scene, volume) = cropped(scene, &known, options, report, observer)?;
     let keep = volume.map(|volume| {
@@ -203,7 +206,8 @@ fn nothing() -> Error {
     Error::invalid("the surface", "empty", wants)
 }
 
-/// Takes the shell or backdrop, which must look like its photos, out of the scene. Empty when there is none, or when it is the whole scene.
+/// Takes the shell or backdrop, which must look like its photos, out of the scene. Empty when there
+/// is none, or when it is the whole scene.
 fn take_behind(scene: &mut ImportedScene, cameras: &[Camera]) -> Result<Mesh> {
     if let Some(backdrop) = scene.take_backdrop() {
         return Ok(backdrop);

@@ -1,4 +1,5 @@
-//! Whether photos show the scene: their cameras may lie in another frame, or belong to another place altogether.
+//! Whether photos show the scene: their cameras may lie in another frame, or belong to another
+//! place altogether.
 
 use super::views::Views;
 use std::sync::Arc;
@@ -10,12 +11,13 @@ use trisplat_scene::mesh::Mesh;
 
 /// Photos looked at.
 const VIEWS: usize = 8;
-/// Least excess of a drawing's correlation with its own photo over that with other photos. A soft scene just
-/// made solid may be far from its photos and still show the same shapes.
+/// Least excess of a drawing's correlation with its own photo over that with other photos. A soft
+/// scene just made solid may be far from its photos and still show the same shapes.
 const LEAST_OWN: f64 = 0.05;
 
-/// Describes the fault if drawings of `mesh` match the photos worse than one plain colour does, and no better
-/// than other photos. A `part` of a scene is judged where it is. Fails when a photo cannot be decoded.
+/// Describes the fault if drawings of `mesh` match the photos worse than one plain colour does, and
+/// no better than other photos. A `part` of a scene is judged where it is. Fails when a photo
+/// cannot be decoded.
 pub(super) fn misfit(mesh: &Mesh, part: bool, views: &mut Views) -> Result<Option<String>> {
     if views.is_empty() {
         return Ok(None);
@@ -72,8 +74,8 @@ fn own_resemblance(pictures: &[RgbImage], photos: &[Arc<RgbImage>]) -> f64 {
     own.0 / f64::max(own.1, 1.0) - others.0 / f64::max(others.1, 1.0)
 }
 
-/// Pearson's correlation of the brightness of two pictures, -1 to 1; 0 when one has a single brightness. Pixels count by
-/// `weights`.
+/// Pearson's correlation of the brightness of two pictures, -1 to 1; 0 when one has a single
+/// brightness. Pixels count by `weights`.
 fn correlation(a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
     let brightness = |rgb: &[u8; 3]| rgb.iter().map(|c| f64::from(*c)).sum::<f64>();
     let mut sums = [0.0; 6];

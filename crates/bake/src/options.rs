@@ -194,10 +194,13 @@ impl BakeOptions {
         self
     }
 
-    /// The files of a bake to `path`; `format` decides where the name has no known ending. Sets `tiles`,
-    /// because a scene is cut into tiles exactly when tiles are written, and both `sides` where the format says nothing of them.
+    /// The files of a bake to `path`; `format` decides where the name has no known ending. Sets
+    /// `tiles`, because a scene is cut into tiles exactly when tiles are written, and both `sides`
+    /// where the format says nothing of them.
     ///
-    /// Errors: a name without a known ending; tiles in another format; one file where the options need
+    /// # Errors
+    ///
+    /// A name without a known ending; tiles in another format; one file where the options need
     /// several.
     pub fn plan_output(&mut self, path: &Path, format: Option<OutputFormat>) -> Result<Output> {
         let format = format.map_or_else(|| OutputFormat::of(path), Ok)?;

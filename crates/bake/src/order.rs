@@ -1,5 +1,5 @@
-//! Puts faces that are near in space near in the file, each within its chunk: compresses better and keeps
-//! an engine's caches warm.
+//! Puts faces that are near in space near in the file, each within its chunk: compresses better and
+//! keeps an engine's caches warm.
 
 use glam::{DVec3, Vec3};
 use trisplat_scene::math::geometry::along_curve;
@@ -78,7 +78,7 @@ pub(super) fn faces_along_curve(mesh: &Mesh, faces: &[u32]) -> Vec<u32> {
     along_curve(&centroids).into_iter().map(|place| faces[place as usize]).collect()
 }
 
-// ---- Triangles that are near in space become near in memory ---------------------------------------
+// ---- Triangles that are near in space become near in memory -------------------------------------
 
 /// Scenes with fewer triangles are left unchanged: the caches of a CPU hold them in any order.
 const FEWEST: usize = 16_384;
@@ -94,8 +94,8 @@ pub struct ArrangeDetails {
 
 trisplat_scene::stage!(ArrangeDetails, "arrange");
 
-/// Arranges the triangles. `is_drawn`: a later stage draws the scene. `order`: the order in which triangles
-/// are written.
+/// Arranges the triangles. `is_drawn`: a later stage draws the scene. `order`: the order in which
+/// triangles are written.
 pub(crate) fn arrange(
     scene: &mut Scene,
     is_drawn: bool,

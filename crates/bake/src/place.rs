@@ -1,8 +1,8 @@
-//! Moves the scene into the frame of a game engine: right-handed, Y up, and, where known or requested, in
-//! metres, on its floor, with its median at the origin.
+//! Moves the scene into the frame of a game engine: right-handed, Y up, and, where known or
+//! requested, in metres, on its floor, with its median at the origin.
 //!
-//! Runs after `color`, so that it runs once over plain positions, and before `chunk`, whose boxes must
-//! be those of the file.
+//! Runs after `color`, so that it runs once over plain positions, and before `chunk`, whose boxes
+//! must be those of the file.
 
 use glam::{DVec3, Vec3};
 use ground::Foreground;
@@ -28,9 +28,10 @@ pub(crate) mod words;
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct PlaceOptions {
-    /// What points up in the input; the output is Y-up: auto, an axis (x -x y -y z -z) or any direction as in
-    /// 0.02,-0.9,0.1. Auto: the direction of the cameras, corrected by the largest level surface; without
-    /// cameras that of the file, else -y (COLMAP and its trainers), y for glTF.
+    /// What points up in the input; the output is Y-up: auto, an axis (x -x y -y z -z) or any
+    /// direction as in 0.02,-0.9,0.1. Auto: the direction of the cameras, corrected by the largest
+    /// level surface; without cameras that of the file, else -y (COLMAP and its trainers), y for
+    /// glTF.
     #[cfg_attr(feature = "cli", arg(long, default_value_t = PlaceOptions::DEFAULT.up, value_name = "UP", allow_hyphen_values = true))]
     #[schemars(with = "String")]
     pub up: UpChoice,
@@ -42,8 +43,9 @@ pub struct PlaceOptions {
     #[cfg_attr(feature = "cli", arg(skip = PlaceOptions::DEFAULT.scale))]
     #[schemars(range(min = 1e-9, max = 1e9))]
     pub scale: f64,
-    /// Scale so that the output is in metres, by a known length: two points of the input, as `trisplat view` shows
-    /// them, or their distance, and the metres between them, as in 0,1.5,2,0.4,1.5,2=0.25 or 0.4=0.25.
+    /// Scale so that the output is in metres, by a known length: two points of the input, as
+    /// `trisplat view` shows them, or their distance, and the metres between them, as in
+    /// 0,1.5,2,0.4,1.5,2=0.25 or 0.4=0.25.
     #[cfg_attr(feature = "cli", arg(long, value_name = "A,B=METRES", allow_hyphen_values = true))]
     #[schemars(with = "Option<String>")]
     pub scale_by: Option<KnownLength>,
@@ -84,8 +86,8 @@ pub struct PlaceDetails {
     /// The direction of the input that points up.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub up: Option<UpDirection>,
-    /// The estimate from cameras and surfaces; absent when `up` or the file gave the direction, and without
-    /// cameras.
+    /// The estimate from cameras and surfaces; absent when `up` or the file gave the direction, and
+    /// without cameras.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimate: Option<UpEstimate>,
     /// Turn about the up axis, degrees.
@@ -154,7 +156,9 @@ pub fn placement(
 
 /// Moves `mesh` by `placement`, and records the move in `provenance` so that it can be undone.
 ///
-/// Errors: a scale that takes a position out of the range of an f32.
+/// # Errors
+///
+/// A scale that takes a position out of the range of an f32.
 pub fn place(
     mesh: &mut Mesh,
     provenance: &mut Provenance,
@@ -192,10 +196,11 @@ pub fn place(
     }
 }
 
-// ---- Where a subject stands: the origin is under it, and it faces the viewer -------------------------
+// ---- Where a subject stands: the origin is under it, and it faces the viewer --------------------
 
-/// The placement by `options`. The origin of a `subject` is under the middle of its bounds, at the height that it stands on. Unless
-/// `options` turn it, the side of the first viewpoint faces +Z, the front of glTF. `known` is in the frame of `mesh`.
+/// The placement by `options`. The origin of a `subject` is under the middle of its bounds, at the
+/// height that it stands on. Unless `options` turn it, the side of the first viewpoint faces +Z,
+/// the front of glTF. `known` is in the frame of `mesh`.
 pub(crate) fn placement_of(
     subject: bool,
     mesh: &Mesh,
@@ -228,8 +233,8 @@ fn standing(scene: Foreground, how: Placement, floor: f64) -> Placement {
     Placement { center: under.to_array(), ..how }
 }
 
-/// The turn about the up axis, degrees, after which the first viewpoint of a subject placed by `how` is towards +Z. `None` without
-/// cameras, which alone know its front.
+/// The turn about the up axis, degrees, after which the first viewpoint of a subject placed by
+/// `how` is towards +Z. `None` without cameras, which alone know its front.
 fn front(mesh: &Mesh, how: &Placement, cameras: &[Camera]) -> Option<f64> {
     if cameras.is_empty() {
         return None;

@@ -1,7 +1,7 @@
 //! Removes the triangles that an engine cannot draw or that cannot be seen.
 //!
-//! It comes first because every later stage costs per triangle. Geometry after it is finite and within
-//! ±[`REACH`], as the hierarchy and engines' culling require.
+//! It comes first because every later stage costs per triangle. Geometry after it is finite and
+//! within ±[`REACH`], as the hierarchy and engines' culling require.
 
 use glam::Vec3;
 use trisplat_scene::math::lists::median;
@@ -11,16 +11,16 @@ use trisplat_scene::ranges::{self, Called};
 use trisplat_scene::report::{Outcome, counted, to_json};
 use trisplat_scene::{Error, Result, Scene, Soup};
 
-/// Largest permitted coordinate. A few million squares or areas of larger ones overflow an f32 in an engine
-/// or a hierarchy, so such triangles cannot be drawn.
+/// Largest permitted coordinate. A few million squares or areas of larger ones overflow an f32 in
+/// an engine or a hierarchy, so such triangles cannot be drawn.
 pub const REACH: f32 = 1e15;
 
-/// If the median triangle is nearer than this share of the reach, triangles out of reach are strays, not the
-/// scene.
+/// If the median triangle is nearer than this share of the reach, triangles out of reach are
+/// strays, not the scene.
 const STRAYS: f32 = 1e-3;
 
-/// A triangle with at most this ratio of height to longest edge is a line: the ratio is the rounding error of
-/// that edge.
+/// A triangle with at most this ratio of height to longest edge is a line: the ratio is the
+/// rounding error of that edge.
 const FLAT: f64 = f32::EPSILON as f64;
 
 /// Which triangles to drop.
@@ -28,24 +28,27 @@ const FLAT: f64 = f32::EPSILON as f64;
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct PruneOptions {
-    /// Drop triangles of lower opacity (0 keeps all; engine-mode training itself drops below 0.1, then 0.7)
+    /// Drop triangles of lower opacity (0 keeps all; engine-mode training itself drops below 0.1,
+    /// then 0.7)
     #[cfg_attr(feature = "cli", arg(skip = PruneOptions::DEFAULT.min_opacity))]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub min_opacity: f64,
-    /// Drop triangles of higher sigma, the softest ones (0 keeps all; engine-mode training drops from 1)
+    /// Drop triangles of higher sigma, the softest ones (0 keeps all; engine-mode training drops
+    /// from 1)
     #[cfg_attr(feature = "cli", arg(skip = PruneOptions::DEFAULT.max_sigma))]
     #[schemars(range(min = 0.0, max = 1e9))]
     pub max_sigma: f64,
-    /// Keep at most this many triangles: those with the largest opacity times area times mean window
+    /// Keep at most this many triangles: those with the largest opacity times area times mean
+    /// window
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[schemars(range(min = 1, max = 1_000_000_000))]
     pub max_triangles: Option<u64>,
 }
 
 impl PruneOptions {
-    /// The authors' trainer drops triangles of opacity 0.014 (`opacity_dead`). At σ = 10 an opaque triangle
-    /// covers as little, 2 / ((σ + 1)(σ + 2)) = 0.015 of its area. Removing either changes nothing visible in
-    /// a soft scene.
+    /// The authors' trainer drops triangles of opacity 0.014 (`opacity_dead`). At σ = 10 an opaque
+    /// triangle covers as little, 2 / ((σ + 1)(σ + 2)) = 0.015 of its area. Removing either changes
+    /// nothing visible in a soft scene.
     pub const DEFAULT: Self = Self { min_opacity: 0.014, max_sigma: 10.0, max_triangles: None };
     /// Also removes triangles that are hardly visible, to save bytes.
     pub const SMALL: Self = Self { min_opacity: 0.05, max_sigma: 5.0, ..Self::DEFAULT };
@@ -82,9 +85,12 @@ trisplat_scene::stage!(PruneDetails, "prune");
 
 /// Drops triangles by the rules of `options` and counts them by cause in `details`.
 ///
-/// The rules look at one triangle each; the budget of `max_triangles` applies to their result. So a second run finds nothing to drop.
+/// The rules look at one triangle each; the budget of `max_triangles` applies to their result. So a
+/// second run finds nothing to drop.
 ///
-/// Errors: an option out of range; nothing left; a scene that reaches farther than [`REACH`].
+/// # Errors
+///
+/// An option out of range; nothing left; a scene that reaches farther than [`REACH`].
 pub fn prune(
     scene: &mut Scene,
     options: &PruneOptions,
@@ -114,7 +120,8 @@ pub fn prune(
     Ok(Outcome::Changed(()))
 }
 
-/// Refuses a scene that is too large to be drawn; strays far from a scene of ordinary size are dropped.
+/// Refuses a scene that is too large to be drawn; strays far from a scene of ordinary size are
+/// dropped.
 fn check_scale(verdicts: &[Verdict], far: u64, corners: impl Fn(usize) -> [Vec3; 3]) -> Result<()> {
     let finite = (0..verdicts.len()).filter(|i| verdicts[*i] != Verdict::NonFinite);
     let reaches: Vec<f32> = finite.map(|i| reach(&corners(i))).collect();
@@ -234,7 +241,8 @@ fn reach(corners: &[Vec3; 3]) -> f32 {
     corners.iter().map(|v| v.abs().max_element()).fold(0.0, f32::max)
 }
 
-/// True when the corners lie on a line or a point, to the rounding of the longest edge; also for NaN.
+/// True when the corners lie on a line or a point, to the rounding of the longest edge; also for
+/// NaN.
 ///
 /// ```text
 /// |(b - a) x (c - a)| / longest^2 = height / longest <= 2^-23
@@ -244,8 +252,8 @@ pub(super) fn is_degenerate(corners: &[Vec3; 3]) -> bool {
     let [a, b, c] = *corners;
     let longest2 =
         (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
-    // Far from the limit f32 is enough; NaN, overflow and underflow fail this test and are tested again in
-    // f64.
+    // Far from the limit f32 is enough; NaN, overflow and underflow fail this test and are tested
+    // again in f64.
     if (b - a).cross(c - a).length_squared() > 1e-6 * longest2 * longest2 {
         return false;
     }

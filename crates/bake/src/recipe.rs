@@ -161,7 +161,8 @@ impl<'a> Recipe<'a> {
         merge(self.of_one_kind(inputs)?)
     }
 
-    /// A mesh keeps its texture unless photos decide what triangles show: then its faces get the mean of their texels first.
+    /// A mesh keeps its texture unless photos decide what triangles show: then its faces get the
+    /// mean of their texels first.
     fn untextured(&mut self, mut loaded: ImportedScene, photos: bool) -> ImportedScene {
         if let Scene::Mesh(mesh) = &mut loaded.scene
             && photos
@@ -174,8 +175,8 @@ impl<'a> Recipe<'a> {
         loaded
     }
 
-    /// Soups among meshes become meshes, because only meshes merge with meshes. A budget of triangles is for
-    /// all together.
+    /// Soups among meshes become meshes, because only meshes merge with meshes. A budget of
+    /// triangles is for all together.
     fn of_one_kind(&mut self, mut inputs: Vec<ImportedScene>) -> Result<Vec<ImportedScene>> {
         let is_soup = |loaded: &ImportedScene| matches!(loaded.scene, Scene::Soup(_));
         let soups = inputs.iter().filter(|loaded| is_soup(loaded)).count();
@@ -204,7 +205,8 @@ impl<'a> Recipe<'a> {
         inputs.into_iter().map(&mut solidified).collect()
     }
 
-    /// On the scene as it was trained and in full, because the borders of its pictures show the background.
+    /// On the scene as it was trained and in full, because the borders of its pictures show the
+    /// background.
     fn background(
         &mut self,
         loaded: ImportedScene,
@@ -226,7 +228,8 @@ impl<'a> Recipe<'a> {
         })
     }
 
-    /// Before all that costs: a budget of triangles is for the region, and removed parts must not hide it in pictures.
+    /// Before all that costs: a budget of triangles is for the region, and removed parts must not
+    /// hide it in pictures.
     fn crop(&mut self, loaded: ImportedScene, pictures: &Pictures<'_>) -> Result<ImportedScene> {
         let options = &self.options.crop;
         let of_file = named_cameras(&loaded.provenance);
@@ -250,8 +253,8 @@ impl<'a> Recipe<'a> {
         Ok(loaded)
     }
 
-    /// Before stages that draw repeatedly, but after viewpoints are chosen from a sample of the triangles in
-    /// their original order.
+    /// Before stages that draw repeatedly, but after viewpoints are chosen from a sample of the
+    /// triangles in their original order.
     fn arrange(&mut self, loaded: ImportedScene, pictures: &Pictures<'_>) -> Result<ImportedScene> {
         let has_pictures = pictures.photos.is_some() || pictures.drawn.is_some();
         let order = self.options.order.order;
@@ -261,8 +264,8 @@ impl<'a> Recipe<'a> {
         })
     }
 
-    /// Cameras that rank the triangles of a mesh without any, for a limit that it exceeds: where its file says that one looks from. Its triangles
-    /// share no vertices then, if hardly any do.
+    /// Cameras that rank the triangles of a mesh without any, for a limit that it exceeds: where
+    /// its file says that one looks from. Its triangles share no vertices then, if hardly any do.
     fn own_cameras(
         &self,
         mut loaded: ImportedScene,
@@ -320,7 +323,8 @@ impl<'a> Recipe<'a> {
         })
     }
 
-    /// On the scene as it was trained, because all its triangles give better depths than fewer would.
+    /// On the scene as it was trained, because all its triangles give better depths than fewer
+    /// would.
     fn collision(
         &mut self,
         loaded: &ImportedScene,
@@ -412,7 +416,8 @@ impl<'a> Recipe<'a> {
         }
     }
 
-    /// As soon as triangles are opaque and hide each other, before later stages work on hidden ones.
+    /// As soon as triangles are opaque and hide each other, before later stages work on hidden
+    /// ones.
     fn unseen(
         &mut self,
         mut mesh: Mesh,
@@ -459,7 +464,8 @@ impl<'a> Recipe<'a> {
                     details.masked = masked(mesh, views.as_deref_mut(), &unseen_options, progress)?;
                 }
                 let spared = spared(mesh, left);
-                // A scene that keeps its shell gets no sphere, so its budget leaves no room for one.
+                // A scene that keeps its shell gets no sphere, so its budget leaves no room for
+                // one.
                 let most = if spared.is_empty() { budget } else { left };
                 let limit = FaceLimit { most, spared };
                 let outcome =
@@ -477,7 +483,8 @@ impl<'a> Recipe<'a> {
         Ok(kept)
     }
 
-    /// On the first opaque triangles, so that photos of another scene cost no more than this. Drawn pictures always show their scene.
+    /// On the first opaque triangles, so that photos of another scene cost no more than this. Drawn
+    /// pictures always show their scene.
     fn misfit(&mut self, mesh: &Mesh, photos: Option<&mut Views>) -> Result<()> {
         let Some(photos) = photos.filter(|photos| !photos.is_drawn()) else {
             return Ok(());
@@ -518,8 +525,8 @@ impl<'a> Recipe<'a> {
         }
     }
 
-    /// On the remaining triangles, by the cameras' pictures: before the backdrop, and before colours are
-    /// fitted exactly.
+    /// On the remaining triangles, by the cameras' pictures: before the backdrop, and before
+    /// colours are fitted exactly.
     fn reshape(
         &mut self,
         mesh: Mesh,
@@ -532,7 +539,8 @@ impl<'a> Recipe<'a> {
         })
     }
 
-    /// On triangles that no longer move, and before levels are made and colours are fitted to what is drawn.
+    /// On triangles that no longer move, and before levels are made and colours are fitted to what
+    /// is drawn.
     fn sides(&mut self, mesh: Mesh, cameras: &[Camera]) -> Result<Mesh> {
         let options = &self.options.sides;
         self.report.long_stage(self.observer, mesh, Mesh::counts, |mesh, details, progress| {
@@ -540,8 +548,8 @@ impl<'a> Recipe<'a> {
         })
     }
 
-    /// On the remaining triangles, because colours depend on which parts of them are visible. Faces from
-    /// `behind` on are the backdrop.
+    /// On the remaining triangles, because colours depend on which parts of them are visible. Faces
+    /// from `behind` on are the backdrop.
     fn refit(
         &mut self,
         mesh: Mesh,

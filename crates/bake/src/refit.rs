@@ -1,27 +1,29 @@
 //! Colours from the photos: each triangle takes them from the pixels where it is visible.
 //!
-//! With z-buffered opaque triangles each sample of a photo belongs to one triangle, so the best corner
-//! colours are a linear least-squares problem of three unknowns per triangle and channel, coupled only where
-//! triangles share a pixel:
+//! With z-buffered opaque triangles each sample of a photo belongs to one triangle, so the best
+//! corner colours are a linear least-squares problem of three unknowns per triangle and channel,
+//! coupled only where triangles share a pixel:
 //!
 //! ```text
 //! minimise Σ_pixels (photo - drawn(e))² + λ Σ_triangles Σ_k (e_k - ē)²,   drawn = mean over samples of Σ_k b_k e_k
 //! ```
 //!
-//! with b the perspective-correct barycentric weights of the corners, e the sRGB-encoded corner colours that
-//! are sought and ē the triangle's mean colour, which corners seen by few photos are pulled to. Encoded
-//! values are fitted because scores are measured on them. Each pass draws the scene as an engine does, in
-//! linear light with several samples per pixel, and solves a 3 x 3 system per triangle for the residuals, in
-//! which every sample counts by itself. That system majorises the coupled one, so the error falls with every
-//! pass. One pass is the default: the next ones gain 0.05 dB at most and cost SSIM, and with few photos they
-//! lose (docs/benchmarks/history.md). In the first pass a part of a sample's residual is computed from its own
-//! colour instead of its pixel's; this part is larger for fewer photos.
+//! with b the perspective-correct barycentric weights of the corners, e the sRGB-encoded corner
+//! colours that are sought and ē the triangle's mean colour, which corners seen by few photos are
+//! pulled to. Encoded values are fitted because scores are measured on them. Each pass draws the
+//! scene as an engine does, in linear light with several samples per pixel, and solves a 3 x 3
+//! system per triangle for the residuals, in which every sample counts by itself. That system
+//! majorises the coupled one, so the error falls with every pass. One pass is the default: the next
+//! ones gain 0.05 dB at most and cost SSIM, and with few photos they lose
+//! (docs/benchmarks/history.md). In the first pass a part of a sample's residual is computed from
+//! its own colour instead of its pixel's; this part is larger for fewer photos.
 //!
-//! Some photos are held out at first. They decide whether three colours per triangle are better than one, and
-//! whether refitted colours are better than the scene's own. Training has usually seen those photos. So the
-//! gain of one colour per triangle from seeing them is subtracted from the PSNR of the scene's own colours.
-//! If these still score higher, they stay, except for channels at 0 that photos contradict: a training that
-//! clamped them may have held them there (`revive` in `equations.rs`).
+//! Some photos are held out at first. They decide whether three colours per triangle are better
+//! than one, and whether refitted colours are better than the scene's own. Training has usually
+//! seen those photos. So the gain of one colour per triangle from seeing them is subtracted from
+//! the PSNR of the scene's own colours. If these still score higher, they stay, except for channels
+//! at 0 that photos contradict: a training that clamped them may have held them there (`revive` in
+//! `equations.rs`).
 //!
 //! The backdrop is a surface of its own, whose colours are solved together: see `shell_colors.rs`.
 
@@ -45,12 +47,14 @@ pub use options::{RefitColors, RefitOptions};
 const OTHERS_PART: f64 = 0.7;
 /// ... where those are evaluated.
 const EVALUATED_PART: f64 = 0.85;
-/// A photo is an outlier when its mean error is this far from that of the others, sRGB-encoded, and ...
+/// A photo is an outlier when its mean error is this far from that of the others, sRGB-encoded, and
+/// ...
 const OUTLIER: f32 = 0.02;
 /// ... this many times farther than the median distance.
 const OUTLIER_SPREADS: f32 = 6.0;
 
-/// The result of fitting. Without held-out photos, or when `refit` names the colours, there is no PSNR.
+/// The result of fitting. Without held-out photos, or when `refit` names the colours, there is no
+/// PSNR.
 #[derive(
     Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -70,13 +74,15 @@ pub struct RefitDetails {
     /// Estimated gain of PSNR on photos that neither training nor fitting has seen, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_gain: Option<f64>,
-    /// Photos left out because their mean error is far from that of the others; absent when there are none.
+    /// Photos left out because their mean error is far from that of the others; absent when there
+    /// are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub photos_out_of_line: Option<u64>,
     /// Triangles that photos see.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fitted: Option<u64>,
-    /// Triangles with a channel at 0 that got the photos' value, where the others keep the scene's own colours.
+    /// Triangles with a channel at 0 that got the photos' value, where the others keep the scene's
+    /// own colours.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub revived: Option<u64>,
     /// Which colours the mesh got.
@@ -101,7 +107,8 @@ trisplat_scene::stage!(RefitDetails, "refit");
 pub struct Refitted {
     /// Whether the colours changed.
     pub outcome: Outcome<()>,
-    /// For stages that compare with these colours; none when nothing was fitted or no photo was held out.
+    /// For stages that compare with these colours; none when nothing was fitted or no photo was
+    /// held out.
     pub unseen: Option<UnseenColors>,
 }
 
@@ -114,7 +121,8 @@ impl Refitted {
 /// Colours that have not seen the photos which stages hold out.
 #[derive(Debug)]
 pub struct UnseenColors {
-    /// Fitted to the other photos; those of the backdrop are its final ones, which are smooth and hardly know a photo.
+    /// Fitted to the other photos; those of the backdrop are its final ones, which are smooth and
+    /// hardly know a photo.
     pub colors: Colors,
     /// Estimated PSNR on the held-out photos, dB, when the scene keeps its own colours.
     pub psnr_of_own: Option<f64>,
@@ -135,9 +143,12 @@ impl UnseenColors {
     }
 }
 
-/// Fits the colours of `mesh`, whose faces from `behind` on are its backdrop, to `views`; `details` get the PSNR on held-out photos.
+/// Fits the colours of `mesh`, whose faces from `behind` on are its backdrop, to `views`; `details`
+/// get the PSNR on held-out photos.
 ///
-/// Errors: an option out of range, a photo that cannot be decoded.
+/// # Errors
+///
+/// An option out of range, a photo that cannot be decoded.
 pub fn refit(
     mesh: &mut Mesh,
     behind: usize,
@@ -196,8 +207,8 @@ pub fn refit(
     Ok(Refitted { outcome: Outcome::Changed(()), unseen })
 }
 
-/// Adds all photos, held-out ones last. Returns which colours to fit, `None` when the scene's own are better, and the
-/// best of those that were fitted before the held-out photos were added.
+/// Adds all photos, held-out ones last. Returns which colours to fit, `None` when the scene's own
+/// are better, and the best of those that were fitted before the held-out photos were added.
 fn first_pass(
     mesh: &mut Mesh,
     views: &mut Views,
@@ -231,8 +242,8 @@ fn first_pass(
     })
 }
 
-/// Photos whose mean error is unusual: taken with another exposure, or of something else. None when half of
-/// all are. `means` has one entry per photo.
+/// Photos whose mean error is unusual: taken with another exposure, or of something else. None when
+/// half of all are. `means` has one entry per photo.
 fn outliers(means: &[[f32; 3]]) -> Vec<usize> {
     let median = |values| median(values, f32::total_cmp).unwrap_or(0.0);
     let limits = [0, 1, 2].map(|channel: usize| {
@@ -247,7 +258,7 @@ fn outliers(means: &[[f32; 3]]) -> Vec<usize> {
     if 2 * far.len() < means.len() { far } else { Vec::new() }
 }
 
-// ---- Scores of colours on photos that the fit has not seen, and the choice of the best colours -------
+// ---- Scores of colours on photos that the fit has not seen, and the choice of the best colours
 
 /// PSNR on held-out photos, dB.
 pub(super) struct Evaluation {
@@ -273,13 +284,15 @@ impl Evaluation {
         if self.flat > self.corner { RefitColors::Flat } else { RefitColors::Corner }
     }
 
-    /// The estimated gain of the best fitted colours on photos that neither training nor fitting has seen.
+    /// The estimated gain of the best fitted colours on photos that neither training nor fitting
+    /// has seen.
     pub(super) fn gain(&self, flat_seen: f64) -> f64 {
         self.flat.max(self.corner) - self.unseen_before(flat_seen)
     }
 
-    /// Estimated PSNR of the scene's own colours, had they not seen the held-out photos. `flat_seen` is the PSNR of flat
-    /// colours after fitting to these as well: the scene's own are assumed to gain as much from having seen them.
+    /// Estimated PSNR of the scene's own colours, had they not seen the held-out photos.
+    /// `flat_seen` is the PSNR of flat colours after fitting to these as well: the scene's own are
+    /// assumed to gain as much from having seen them.
     pub(super) fn unseen_before(&self, flat_seen: f64) -> f64 {
         self.before - (flat_seen - self.flat).max(0.0)
     }

@@ -1,21 +1,24 @@
 //! Fits opaque triangles to pictures of the soft scene, or to photos.
 //!
-//! A soft picture blends many faint triangles. When they become solid, the nearest ones hide all others. This
-//! stage searches, without gradients, for the opaque scene that looks most like the pictures. In every
-//! round it
+//! A soft picture blends many faint triangles. When they become solid, the nearest ones hide all
+//! others. This stage searches, without gradients, for the opaque scene that looks most like the
+//! pictures. In every round it
 //!
 //! 1. gives each triangle the mean colour of the pixels that show it;
-//! 2. moves a corner of each triangle at random, and keeps the move if it matches the pictures better;
+//! 2. moves a corner of each triangle at random, and keeps the move if it matches the pictures
+//!    better;
 //! 3. in some rounds cuts the triangles with the largest error in two, up to their original number;
 //! 4. drops triangles if the pictures are matched better without them.
 //!
-//! One drawing per picture decides about all triangles at once: each belongs to one of four groups, and each
-//! group has a z-buffer. The picture without a triangle is the nearest sample of the other groups; with the
-//! triangle moved, it is the nearest of these and the moved one.
+//! One drawing per picture decides about all triangles at once: each belongs to one of four groups,
+//! and each group has a z-buffer. The picture without a triangle is the nearest sample of the other
+//! groups; with the triangle moved, it is the nearest of these and the moved one.
 //!
-//! In a scene closed by a shell no hole is opened, because the pictures do not show every direction.
+//! In a scene closed by a shell no hole is opened, because the pictures do not show every
+//! direction.
 //!
-//! The cost of a round is that of its drawings, so large scenes get fewer pictures in a round, and fewer rounds.
+//! The cost of a round is that of its drawings, so large scenes get fewer pictures in a round, and
+//! fewer rounds.
 
 mod reshaped;
 mod round;
@@ -82,7 +85,8 @@ pub struct ReshapeDetails {
     /// Rounds made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rounds: Option<u32>,
-    /// PSNR of the original triangles, on the pictures of the first round with one sample per pixel, dB.
+    /// PSNR of the original triangles, on the pictures of the first round with one sample per
+    /// pixel, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_first: Option<f64>,
     /// The same in the last round, before its changes, dB.
@@ -112,7 +116,9 @@ pub struct SceneTraits {
 
 /// Fits the triangles of `mesh` to `views`, without increasing their number.
 ///
-/// Errors: an option out of range, a photo that cannot be decoded.
+/// # Errors
+///
+/// An option out of range, a photo that cannot be decoded.
 pub fn reshape(
     mesh: &mut Mesh,
     views: Option<&mut Views>,

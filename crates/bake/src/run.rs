@@ -7,10 +7,8 @@ use std::ops::ControlFlow;
 use trisplat_scene::report::{Report, StageObserver};
 use trisplat_scene::{Asset, ImportedScene, Result};
 
-/// Bakes a scene for an engine: the whole recipe, without photos. [`Bake`] takes photos, several inputs, a
-/// report and an observer.
-///
-/// Errors: options out of range, nothing left to draw.
+/// Bakes a scene for an engine: the whole recipe, without photos. [`Bake`] takes photos, several
+/// inputs, a report and an observer.
 ///
 /// ```
 /// use glam::Vec3;
@@ -29,6 +27,10 @@ use trisplat_scene::{Asset, ImportedScene, Result};
 /// assert_eq!(asset.mesh.face_count(), 1);
 /// # Ok::<(), trisplat_scene::Error>(())
 /// ```
+///
+/// # Errors
+///
+/// Options out of range, nothing left to draw.
 pub fn bake(scene: impl Into<ImportedScene>, options: &BakeOptions) -> Result<Asset> {
     Bake::new(options).run([scene])
 }
@@ -70,8 +72,8 @@ impl<'a> Bake<'a> {
         Self { options, views: None, report: None, observer: None }
     }
 
-    /// Photos of the scene. Without them the cameras stored in the scene, if any, decide visibility. The
-    /// photos' cameras are left in the frame of the scene.
+    /// Photos of the scene. Without them the cameras stored in the scene, if any, decide
+    /// visibility. The photos' cameras are left in the frame of the scene.
     pub fn photos(self, views: impl Into<Option<&'a mut Views>>) -> Self {
         Self { views: views.into(), ..self }
     }
@@ -88,8 +90,10 @@ impl<'a> Bake<'a> {
 
     /// Merges `inputs` and bakes them for an engine.
     ///
-    /// Errors: options out of range, inputs that do not merge, nothing left to draw, photos that cannot be read or do
-    /// not show the scene.
+    /// # Errors
+    ///
+    /// Options out of range, inputs that do not merge, nothing left to draw, photos that cannot be
+    /// read or do not show the scene.
     pub fn run<S: Into<ImportedScene>>(self, inputs: impl IntoIterator<Item = S>) -> Result<Asset> {
         self.options.validate()?;
         let mut own_report = Report::default();

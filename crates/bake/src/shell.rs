@@ -1,10 +1,10 @@
 //! The shell of a trained scene as its backdrop.
 //!
-//! Training closes a scene with a shell of triangles where it has no points. As part of the scene, the shell
-//! would be an opaque ball for viewers, which look from outside. As the backdrop it is visible from within
-//! only. Training flags the triangles of its shell ([`Mesh::shell`]); they are never guessed from their
-//! place. Other programs close their scenes with sky domes without such a flag. These are recognised by four
-//! signs that no wall shows.
+//! Training closes a scene with a shell of triangles where it has no points. As part of the scene,
+//! the shell would be an opaque ball for viewers, which look from outside. As the backdrop it is
+//! visible from within only. Training flags the triangles of its shell ([`Mesh::shell`]); they are
+//! never guessed from their place. Other programs close their scenes with sky domes without such a
+//! flag. These are recognised by four signs that no wall shows.
 
 use super::backdrop::{BackdropWhen, closed, share_behind};
 use super::weld::place_bits;
@@ -20,7 +20,8 @@ use trisplat_scene::{Result, Scene};
 const MOST_CUT: usize = 8192;
 /// Least triangles of the scene for each triangle of a cut shell.
 const SCENE_PER_CUT: usize = 2;
-/// How much farther than the scene a surface of few, large triangles is, because their middles are nearer than their corners.
+/// How much farther than the scene a surface of few, large triangles is, because their middles are
+/// nearer than their corners.
 const FARTHER: f32 = 1.25;
 
 /// Flags the far shell of a soup whose file has no flags.
@@ -32,7 +33,8 @@ pub(super) fn recognise_shell(scene: &mut Scene, when: BackdropWhen) {
     soup.shell = far_shell(&|triangle| soup.vertices[triangle], soup.len()).unwrap_or_default();
 }
 
-/// Takes the faces of the shell out of `mesh`, their fronts towards the middle: that of `cameras`, or its own.
+/// Takes the faces of the shell out of `mesh`, their fronts towards the middle: that of `cameras`,
+/// or its own.
 pub(super) fn take_shell(mesh: &mut Mesh, cameras: &[Camera]) -> Mesh {
     let mut shell = mesh.take_shell();
     shell.shell.clear();
@@ -54,8 +56,8 @@ pub(super) fn is_cut(shell: &Mesh, scene_faces: usize, budget: Option<u64>) -> b
     count <= MOST_CUT && count * SCENE_PER_CUT <= scene_faces && fits
 }
 
-/// Cuts each face of `shell` into four. Each vertex gets the mean colour of the faces that it is part of, so colours run softly; faces of one
-/// colour each look like gems.
+/// Cuts each face of `shell` into four. Each vertex gets the mean colour of the faces that it is
+/// part of, so colours run softly; faces of one colour each look like gems.
 pub(super) fn cut(shell: &Mesh) -> Mesh {
     let mut sums: HashMap<[u32; 3], (Vec3, f32)> = HashMap::new();
     let mut positions = Vec::with_capacity(12 * shell.face_count());
@@ -80,7 +82,8 @@ pub(super) fn cut(shell: &Mesh) -> Mesh {
     Mesh { positions, colors, opacity, ..Mesh::default() }
 }
 
-/// The middle of `cameras`, or that of `shell`: where it is open to one side, this may lie behind some of it.
+/// The middle of `cameras`, or that of `shell`: where it is open to one side, this may lie behind
+/// some of it.
 pub(super) fn middle(shell: &Mesh, cameras: &[Camera]) -> Vec3 {
     match cameras.is_empty() {
         true => mean((0..shell.face_count()).map(|face| shell.centroid(face))),
@@ -100,8 +103,8 @@ pub(super) fn joined(given: Option<Mesh>, shell: Mesh) -> Result<Option<Mesh>> {
     }
 }
 
-/// Surroundings of at most `most` triangles around a scene with these corners: a closed surface of fewer, larger ones. Empty where `most` closes
-/// nothing.
+/// Surroundings of at most `most` triangles around a scene with these corners: a closed surface of
+/// fewer, larger ones. Empty where `most` closes nothing.
 pub(super) fn few(
     shell: &Mesh,
     corners: impl Iterator<Item = Vec3>,
@@ -113,9 +116,9 @@ pub(super) fn few(
     closed(shell, center, FARTHER * reach, most).unwrap_or_default()
 }
 
-/// The faces of the shell in `mesh` that stay even if unseen, because a shell with holes closes nothing. All
-/// of them, unless the mesh is larger than `budget` and the shell takes a large part of it: small budgets are
-/// spent on visible triangles. `[F]`
+/// The faces of the shell in `mesh` that stay even if unseen, because a shell with holes closes
+/// nothing. All of them, unless the mesh is larger than `budget` and the shell takes a large part
+/// of it: small budgets are spent on visible triangles. `[F]`
 pub(super) fn spared(mesh: &Mesh, budget: Option<u64>) -> Vec<bool> {
     let count = mesh.shell.iter().filter(|shell| **shell).count() as u64;
     let spares = match budget.filter(|most| *most < mesh.face_count() as u64) {
@@ -129,7 +132,8 @@ pub(super) fn spared(mesh: &Mesh, budget: Option<u64>) -> Vec<bool> {
 mod tests {
     use super::*;
 
-    /// An octahedron of radius 10 as a shell, wound outward, and `within` triangles near its middle.
+    /// An octahedron of radius 10 as a shell, wound outward, and `within` triangles near its
+    /// middle.
     fn scene(within: usize) -> Mesh {
         let faces = (0..8).map(|i| {
             let sign = |axis: usize| if i >> axis & 1 == 0 { 10.0 } else { -10.0 };
@@ -200,7 +204,8 @@ mod tests {
                 assert_eq!(known, color, "{place}");
             }
         }
-        // The middle of an edge is between its two faces, and the middle of the shell's colours stays.
+        // The middle of an edge is between its two faces, and the middle of the shell's colours
+        // stays.
         assert_eq!(at.len(), 18);
         let mean = at.values().map(|color| color[0]).sum::<f32>() / 18.0;
         assert!((mean - 3.5 / 8.0).abs() < 1e-6, "{mean}");

@@ -1,7 +1,8 @@
 //! The sides of triangles: what photos show from one side is drawn from that side only.
 //!
-//! Training never compared the other side with a photo. Drawn from there, such triangles are shards before what photos do show, and walls
-//! that hide a room from outside. Triangles that no photo shows keep both sides, because nothing says which is seen.
+//! Training never compared the other side with a photo. Drawn from there, such triangles are shards
+//! before what photos do show, and walls that hide a room from outside. Triangles that no photo
+//! shows keep both sides, because nothing says which is seen.
 
 use crate::views;
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
@@ -54,12 +55,12 @@ pub struct SidesDetails {
 
 trisplat_scene::stage!(SidesDetails, "sides");
 
-/// Least share of a triangle's pixels that show one side, for it to be drawn from there only: at the outline of a surface a few pixels
-/// show the backs of triangles that lie across it.
+/// Least share of a triangle's pixels that show one side, for it to be drawn from there only: at
+/// the outline of a surface a few pixels show the backs of triangles that lie across it.
 const MIN_SHARE: f64 = 0.9;
 
-/// Turns each face of `mesh` that `cameras` see from one side so that its front is there, and draws it from its front only from now on.
-/// A mesh with single-sided faces keeps its sides.
+/// Turns each face of `mesh` that `cameras` see from one side so that its front is there, and draws
+/// it from its front only from now on. A mesh with single-sided faces keeps its sides.
 pub fn sides(
     mesh: &mut Mesh,
     cameras: &[Camera],

@@ -1,7 +1,7 @@
 //! Makes soft triangles solid: each becomes the smaller, opaque triangle that looks most like it.
 //!
-//! The level sets of the window function are copies of the triangle shrunk about its incenter (Held et
-//! al. 2025, eq. 1), so no meshing is needed.
+//! The level sets of the window function are copies of the triangle shrunk about its incenter (Held
+//! et al. 2025, eq. 1), so no meshing is needed.
 
 use crate::prune::is_degenerate;
 use glam::Vec3;
@@ -10,7 +10,8 @@ use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::report::Outcome;
 use trisplat_scene::{Error, Result, Soup, parallel, rgb_from_sh0};
 
-/// The σ of a solid triangle: at opacity 1 its half contour is the triangle itself to 1 part in 2^10000.
+/// The σ of a solid triangle: at opacity 1 its half contour is the triangle itself to 1 part in
+/// 2^10000.
 pub const SOLID_SIGMA: f32 = 1e-4;
 
 /// How a soft triangle becomes solid.
@@ -19,7 +20,8 @@ pub const SOLID_SIGMA: f32 = 1e-4;
 )]
 #[serde(rename_all = "lowercase")]
 pub enum Solidify {
-    /// The larger of `contour` and `area`: hard triangles keep their outline, faint ones their share
+    /// The larger of `contour` and `area`: hard triangles keep their outline, faint ones their
+    /// share
     Auto,
     /// The outline where opacity times window is `contour`; fainter triangles are dropped
     Contour,
@@ -62,10 +64,12 @@ pub struct SolidDetails {
 
 trisplat_scene::stage!(SolidDetails, "solid");
 
-/// Shrinks every triangle about its incenter and makes it opaque. Triangles that shrink below the range of an
-/// f32 are dropped; with `contour`, so are triangles without one.
+/// Shrinks every triangle about its incenter and makes it opaque. Triangles that shrink below the
+/// range of an f32 are dropped; with `contour`, so are triangles without one.
 ///
-/// Errors: `contour` outside (0, 1); nothing left.
+/// # Errors
+///
+/// `contour` outside (0, 1); nothing left.
 pub fn solid(
     soup: &mut Soup,
     options: &SolidOptions,
@@ -99,7 +103,8 @@ pub fn solid(
     Ok(Outcome::Changed(()))
 }
 
-/// Triangles that a thread shrinks at once. Fixed, so that sums do not depend on the number of threads.
+/// Triangles that a thread shrinks at once. Fixed, so that sums do not depend on the number of
+/// threads.
 const PART: usize = 1 << 12;
 
 /// Sums of areas.
@@ -189,7 +194,8 @@ fn solidify(corners: &mut [Vec3; 3], factor: f64) -> Shrunk {
 /// o (1 - f)^sigma = t   =>   f = 1 - (t / o)^(1 / sigma)      (Held et al. 2025, eq. 1)
 /// ```
 ///
-/// Domain: o in [0, 1], sigma > 0, t in (0, 1). In the log domain, where 1e-4 and 1e3 do not overflow.
+/// Domain: o in [0, 1], sigma > 0, t in (0, 1). In the log domain, where 1e-4 and 1e3 do not
+/// overflow.
 pub fn contour_factor(opacity: f64, sigma: f64, contour: f64) -> f64 {
     if !(opacity > contour) {
         return 0.0;
@@ -197,15 +203,15 @@ pub fn contour_factor(opacity: f64, sigma: f64, contour: f64) -> f64 {
     -((contour.ln() - opacity.ln()) / sigma).exp_m1()
 }
 
-/// The scale whose area is the triangle's integrated alpha: the opaque triangle then adds as much to a
-/// picture as the soft one.
+/// The scale whose area is the triangle's integrated alpha: the opaque triangle then adds as much
+/// to a picture as the soft one.
 ///
 /// ```text
 /// f^2 = o * mean(window) = o * 2 / ((sigma + 1) (sigma + 2))
 /// ```
 ///
-/// The mean holds for any triangle: the part of it above level t is itself, scaled by 1 - t^(1/sigma), and
-/// the mean is the integral of that area over t from 0 to 1.
+/// The mean holds for any triangle: the part of it above level t is itself, scaled by 1 -
+/// t^(1/sigma), and the mean is the integral of that area over t from 0 to 1.
 pub fn area_factor(opacity: f64, sigma: f64) -> f64 {
     (opacity * 2.0 / ((sigma + 1.0) * (sigma + 2.0))).sqrt()
 }
@@ -233,7 +239,7 @@ fn area(v: &[Vec3; 3]) -> f64 {
     0.5 * (v[1] - v[0]).as_dvec3().cross((v[2] - v[0]).as_dvec3()).length()
 }
 
-// ---- Spherical harmonics of degree 0 become linear face colours -----------------------------------
+// ---- Spherical harmonics of degree 0 become linear face colours ---------------------------------
 
 /// What the conversion clamped.
 #[derive(
@@ -246,8 +252,8 @@ pub struct ColorDetails {
 
 trisplat_scene::stage!(ColorDetails, "color");
 
-/// A non-indexed mesh with one linear colour per face. Opacity and σ are dropped, and vertices move without a
-/// copy. `details` counts the channels clamped to [0, 1].
+/// A non-indexed mesh with one linear colour per face. Opacity and σ are dropped, and vertices move
+/// without a copy. `details` counts the channels clamped to [0, 1].
 pub fn color(mut soup: Soup, details: &mut ColorDetails) -> Result<Mesh> {
     soup.truncate_sh(0);
     let Soup { vertices, mut sh, opacity, sigma, shell, .. } = soup;

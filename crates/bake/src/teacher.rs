@@ -1,8 +1,8 @@
-//! Pictures instead of photos: a soft scene is drawn as it was trained, and later stages use these pictures
-//! like photos.
+//! Pictures instead of photos: a soft scene is drawn as it was trained, and later stages use these
+//! pictures like photos.
 //!
-//! A solid triangle keeps its own colour, but soft pictures blend many triangles. The soft rasteriser still
-//! draws the scene as it was trained, without photos.
+//! A solid triangle keeps its own colour, but soft pictures blend many triangles. The soft
+//! rasteriser still draws the scene as it was trained, without photos.
 
 use super::prune::{PruneDetails, PruneOptions, prune};
 use super::solid::{SolidOptions, area_factor, solid};
@@ -57,7 +57,8 @@ pub struct TeacherOptions {
     /// When the soft scene is drawn as it was trained, and its pictures replace photos
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = TeacherOptions::DEFAULT.teacher, value_name = "WHEN"))]
     pub teacher: TeacherWhen,
-    /// Draw at most N pictures [default: 32 from chosen viewpoints; from stored cameras as many as fit 12 million pixels]
+    /// Draw at most N pictures [default: 32 from chosen viewpoints; from stored cameras as many as
+    /// fit 12 million pixels]
     #[cfg_attr(feature = "cli", arg(skip))]
     #[schemars(range(min = 1, max = 100_000))]
     pub teacher_pictures: Option<u32>,
@@ -100,10 +101,12 @@ pub struct TeacherDetails {
 
 trisplat_scene::stage!(TeacherDetails, "teacher");
 
-/// Draws the pictures of a soft scene into `views`, unless there are `photos`. With a colour that is
-/// `behind` an object, they are transparent where they show it.
+/// Draws the pictures of a soft scene into `views`, unless there are `photos`. With a colour that
+/// is `behind` an object, they are transparent where they show it.
 ///
-/// Errors: an option out of range; options of the stages that make a scene solid out of range.
+/// # Errors
+///
+/// An option out of range; options of the stages that make a scene solid out of range.
 pub fn teacher(
     views: &mut Option<Views>,
     scene: &ImportedScene,
@@ -164,8 +167,8 @@ pub(super) fn viewpoints(scene: &ImportedScene) -> Option<Viewpoints> {
     Some(viewpoints)
 }
 
-/// Where a mesh is seen from: the cameras of photos that its file names or, without any, places chosen by its first viewpoint. None
-/// without that.
+/// Where a mesh is seen from: the cameras of photos that its file names or, without any, places
+/// chosen by its first viewpoint. None without that.
 pub(super) fn own_cameras(scene: &ImportedScene) -> Vec<Camera> {
     let named = named_cameras(&scene.provenance);
     let is_seen = scene.provenance.viewpoint.is_some_and(|first| first.is_possible());
@@ -175,10 +178,13 @@ pub(super) fn own_cameras(scene: &ImportedScene) -> Vec<Camera> {
     viewpoints(scene).map_or(Vec::new(), |viewpoints| viewpoints.cameras)
 }
 
-/// The pictures of a solid `scene` and of what is `behind` it, from `cameras`: what fewer triangles are to look like. `None` without cameras, and of
-/// a mesh whose triangles are connected or textured, which keeps its colours.
+/// The pictures of a solid `scene` and of what is `behind` it, from `cameras`: what fewer triangles
+/// are to look like. `None` without cameras, and of a mesh whose triangles are connected or
+/// textured, which keeps its colours.
 ///
-/// Errors: more vertices than 32 bits count.
+/// # Errors
+///
+/// More vertices than 32 bits count.
 pub(super) fn solid_views(
     scene: &Scene,
     behind: Option<&Mesh>,
@@ -203,9 +209,9 @@ pub(super) fn solid_views(
     Ok(Some(if behind.is_some() { views } else { views.of_object() }))
 }
 
-/// The soft pictures of `scene` from `cameras` in its frame, or from an evenly spaced selection when these
-/// are too many. With a colour that is `behind` an object, they are transparent
-/// where they show it.
+/// The soft pictures of `scene` from `cameras` in its frame, or from an evenly spaced selection
+/// when these are too many. With a colour that is `behind` an object, they are transparent where
+/// they show it.
 pub fn pictures(scene: &ImportedScene, behind: Option<[f32; 3]>, cameras: Vec<Camera>) -> Views {
     at_most(None, scene, behind, cameras)
 }
@@ -263,7 +269,8 @@ fn no_larger(camera: &Camera) -> Camera {
     camera.resized((camera.size.as_dvec2() * ratio).floor().as_uvec2().max(UVec2::ONE))
 }
 
-/// True when making the triangles of `soup` solid loses nothing: nearly all of their area is opaque.
+/// True when making the triangles of `soup` solid loses nothing: nearly all of their area is
+/// opaque.
 pub fn is_solid(soup: &Soup) -> bool {
     let mut all = 0.0;
     let mut covered = 0.0;
@@ -277,10 +284,12 @@ pub fn is_solid(soup: &Soup) -> bool {
     !(covered < SOLID_COVER * all)
 }
 
-/// The loss of `scene`, on a few small pictures, when its triangles are just made solid. `None` when it is
-/// solid, or cannot be seen.
+/// The loss of `scene`, on a few small pictures, when its triangles are just made solid. `None`
+/// when it is solid, or cannot be seen.
 ///
-/// Errors: options out of range.
+/// # Errors
+///
+/// Options out of range.
 pub fn softness(scene: &ImportedScene, solidly: &SolidOptions) -> Result<Option<Softness>> {
     let Scene::Soup(soup) = &scene.scene else { return Ok(None) };
     if is_solid(soup) {

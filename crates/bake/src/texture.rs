@@ -1,12 +1,14 @@
 //! Texels from the photos: in place of one colour, each triangle shows what photos show of it.
 //!
-//! The size that a triangle has in photos decides how many texels it has (`footprint`). Of a soup, pairs of triangles share a rectangle of
-//! one picture (`atlas`); a connected mesh is unwrapped (`charts`). Texels begin with the colours of the mesh, and get what photos show
-//! more (`fit`): all of them on average, or also the detail of the one that shows a face best (`best`).
+//! The size that a triangle has in photos decides how many texels it has (`footprint`). Of a soup,
+//! pairs of triangles share a rectangle of one picture (`atlas`); a connected mesh is unwrapped
+//! (`charts`). Texels begin with the colours of the mesh, and get what photos show more (`fit`):
+//! all of them on average, or also the detail of the one that shows a face best (`best`).
 //!
-//! Some photos are held out at first, and compared with colours and with texels: where triangles are hardly larger than pixels, what mip
-//! levels mix is more than what texels add. Both begin with colours that were fitted to the other photos only, so neither has seen them.
-//! `auto` keeps colours that are better by PSNR and by SSIM: PSNR alone prefers blur.
+//! Some photos are held out at first, and compared with colours and with texels: where triangles
+//! are hardly larger than pixels, what mip levels mix is more than what texels add. Both begin with
+//! colours that were fitted to the other photos only, so neither has seen them. `auto` keeps
+//! colours that are better by PSNR and by SSIM: PSNR alone prefers blur.
 
 use crate::refit::UnseenColors;
 use crate::views::{Scores, Views};
@@ -53,7 +55,8 @@ pub struct TextureDetails {
     /// Texels per pixel, fewer than asked for where the texture would be too large.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texels_per_pixel: Option<f64>,
-    /// Mean PSNR of colours on held-out photos, dB. `refit` has not seen them; the colours of a connected mesh may have.
+    /// Mean PSNR of colours on held-out photos, dB. `refit` has not seen them; the colours of a
+    /// connected mesh may have.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_before: Option<f64>,
     /// The same with texels that were fitted to the other photos only, dB.
@@ -97,9 +100,12 @@ impl TextureDetails {
 
 trisplat_scene::stage!(TextureDetails, "texture");
 
-/// Gives `mesh` a texture of what `views` show. Texels begin with the colours `unseen`, if there are any, or those of the mesh.
+/// Gives `mesh` a texture of what `views` show. Texels begin with the colours `unseen`, if there
+/// are any, or those of the mesh.
 ///
-/// Errors: an option out of range, no photos, a photo that cannot be decoded.
+/// # Errors
+///
+/// An option out of range, no photos, a photo that cannot be decoded.
 pub fn texture(
     mesh: &mut Mesh,
     views: Option<&mut Views>,
@@ -141,7 +147,8 @@ pub fn texture(
     Ok(outcome)
 }
 
-/// Gives `mesh`, whose faces are placed by `layout`, what `views` show. `before` are the scores of colours on held-out photos, if known.
+/// Gives `mesh`, whose faces are placed by `layout`, what `views` show. `before` are the scores of
+/// colours on held-out photos, if known.
 fn paint(
     mesh: &mut Mesh,
     views: &mut Views,
@@ -217,14 +224,17 @@ fn textured(layout: &impl Layout, picture: RgbImage) -> FaceTexture {
     FaceTexture::new(layout.uvs(), Arc::new(Texture::new(picture)))
 }
 
-// ---- A texture of a mesh's own colours, so that it can join a textured one ---------------------------
+// ---- A texture of a mesh's own colours, so that it can join a textured one ----------------------
 
 /// Corners whose sRGB-encoded colours differ by less look alike.
 const ALIKE: f32 = 2.0 / 255.0;
 
-/// Gives every mesh of `inputs` a texture if one of them has one: a merge could keep neither colours nor texture of both otherwise.
+/// Gives every mesh of `inputs` a texture if one of them has one: a merge could keep neither
+/// colours nor texture of both otherwise.
 ///
-/// Errors: more triangles than the largest texture has texels.
+/// # Errors
+///
+/// More triangles than the largest texture has texels.
 pub(crate) fn texture_all(inputs: &mut [ImportedScene]) -> Result<()> {
     let is_textured = |loaded: &ImportedScene| matches!(&loaded.scene, Scene::Mesh(mesh) if mesh.texture.is_some());
     if !inputs.iter().any(is_textured) {

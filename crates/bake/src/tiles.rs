@@ -1,4 +1,5 @@
-//! Tiles: the scene cut into pieces that a viewer loads as it approaches, each at several levels of detail.
+//! Tiles: the scene cut into pieces that a viewer loads as it approaches, each at several levels of
+//! detail.
 //!
 //! ```text
 //!        root               level k: 1/4^k of the triangles
@@ -7,10 +8,10 @@
 //!     ▢▢▢▢ …                level 0: all triangles
 //! ```
 //!
-//! Levels are those of [`lod`](super::lod), made from the whole scene. So a triangle of a tile is also in the
-//! tiles below it, and neighbours agree along their border. Space is cut by the triangles of the finest
-//! level: twice into halves of equal count for each step down, so all tiles hold about equal numbers.
-//! Triangles belong to the tile of their centroid.
+//! Levels are those of [`lod`](super::lod), made from the whole scene. So a triangle of a tile is
+//! also in the tiles below it, and neighbours agree along their border. Space is cut by the
+//! triangles of the finest level: twice into halves of equal count for each step down, so all tiles
+//! hold about equal numbers. Triangles belong to the tile of their centroid.
 
 use rayon::prelude::*;
 use trisplat_scene::mesh::Mesh;
@@ -43,7 +44,8 @@ impl TilesOptions {
         ranges::check(self, Called::ByFlag)
     }
 
-    /// Shares of the triangles in the levels coarser than the finest, for a scene of `faces` triangles.
+    /// Shares of the triangles in the levels coarser than the finest, for a scene of `faces`
+    /// triangles.
     pub fn shares(&self, faces: usize) -> Vec<f64> {
         let most = f64::from(self.tile_triangles);
         let fits = |levels: u32| faces as f64 / 4f64.powi(levels as i32) <= most;
@@ -69,7 +71,8 @@ pub struct TilesDetails {
 
 trisplat_scene::stage!(TilesDetails, "tiles");
 
-/// Cuts the scene and its levels into `asset.tiles`, and takes the levels out. A backdrop is a tile of its own.
+/// Cuts the scene and its levels into `asset.tiles`, and takes the levels out. A backdrop is a tile
+/// of its own.
 pub fn tiles(
     asset: &mut Asset,
     options: &TilesOptions,
@@ -114,7 +117,8 @@ impl Level {
         Self { mesh, faces }
     }
 
-    /// The part of the mesh in a cell, of each material in the order of the mesh, which an engine's caches like.
+    /// The part of the mesh in a cell, of each material in the order of the mesh, which an engine's
+    /// caches like.
     fn part(&self, cell: u64) -> Mesh {
         let from = self.faces.partition_point(|(other, _)| *other < cell);
         let to = self.faces.partition_point(|(other, _)| *other <= cell);
@@ -132,8 +136,8 @@ fn tile(levels: &[Level], level: usize, cell: u64) -> Tile {
             .filter(|tile| !tile.is_empty())
             .collect(),
     };
-    // An enlarged triangle may have its centroid where the scene itself has none: no finer tile would replace
-    // it.
+    // An enlarged triangle may have its centroid where the scene itself has none: no finer tile
+    // would replace it.
     let mesh =
         if level > 0 && children.is_empty() { Mesh::default() } else { levels[level].part(cell) };
     // A coarser tile leaves out at least as much as the finer tiles that it replaces.
@@ -147,20 +151,21 @@ fn centroids(mesh: &Mesh) -> Vec<[f32; 3]> {
     parallel::collect(mesh.face_count(), GRAIN, |face| mesh.centroid(face).to_array())
 }
 
-// ---- Cuts space repeatedly into halves of equal count: a complete k-d tree ---------------------------
+// ---- Cuts space repeatedly into halves of equal count: a complete k-d tree ----------------------
 
-/// The cells of a complete binary tree of cuts. The number of a cell is the path to it, one bit for each cut,
-/// with the first cut highest.
+/// The cells of a complete binary tree of cuts. The number of a cell is the path to it, one bit for
+/// each cut, with the first cut highest.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Cells {
-    /// Axis and place of every cut; the cuts below cut i are 2 i + 1 and 2 i + 2. Points at a cut or above it
-    /// are in the upper half.
+    /// Axis and place of every cut; the cuts below cut i are 2 i + 1 and 2 i + 2. Points at a cut
+    /// or above it are in the upper half.
     cuts: Vec<(u8, f32)>,
     depth: u32,
 }
 
 impl Cells {
-    /// Cuts `depth` times, each cell at the median of its points along the axis of their largest extent.
+    /// Cuts `depth` times, each cell at the median of its points along the axis of their largest
+    /// extent.
     pub(super) fn new(points: &[[f32; 3]], depth: u32) -> Self {
         let mut cuts = vec![(0, f32::INFINITY); (1 << depth) - 1];
         let mut points = points.to_vec();

@@ -1,12 +1,14 @@
-//! Searches by trial: a corner of each triangle is moved at random, and one drawing decides about a group of them, because a change of one
-//! group shows in a picture while most other faces are unchanged.
+//! Searches by trial: a corner of each triangle is moved at random, and one drawing decides about a
+//! group of them, because a change of one group shows in a picture while most other faces are
+//! unchanged.
 
 use glam::Vec3;
 use trisplat_scene::Rng;
 
 /// Number of groups.
 pub(super) const GROUPS: usize = 4;
-/// How far a corner is moved outwards and inwards, as shares of its distance from the middle of the opposite edge.
+/// How far a corner is moved outwards and inwards, as shares of its distance from the middle of the
+/// opposite edge.
 const MOVES: [f32; 3] = [0.3, 0.3, -0.18];
 /// Largest sideways move, as a share of the opposite edge.
 const ASIDE: f32 = 0.25;
@@ -16,7 +18,8 @@ pub(super) fn group_of(purpose: &str, face: u32, round: u32) -> u8 {
     (Rng::new(0, purpose, round.into()).bits(face.into()) % GROUPS as u64) as u8
 }
 
-/// The triangle with one of its corners moved; corner and move depend only on the face and the round.
+/// The triangle with one of its corners moved; corner and move depend only on the face and the
+/// round.
 pub(super) fn with_moved_corner(mut corners: [Vec3; 3], face: u32, round: u32) -> [Vec3; 3] {
     let which = (Rng::new(0, "corner", 0).bits(face.into()) % 3 + u64::from(round)) as usize % 3;
     let across = (corners[(which + 1) % 3] + corners[(which + 2) % 3]) / 2.0;

@@ -1,9 +1,10 @@
 //! Visibility culling: drops triangles that the solid rasteriser draws in no photo, or hardly.
 //!
-//! Triangles are ranked by the area they cover in all photos together, after everything in front of them, in
-//! pixels. Triangles outside every picture are kept, because nothing hides them from other views. Hidden
-//! triangles are kept when they are few: they cost little, and close gaps in other views. With a budget of
-//! triangles, the visible ones are then ranked by importance (see `decimate`).
+//! Triangles are ranked by the area they cover in all photos together, after everything in front of
+//! them, in pixels. Triangles outside every picture are kept, because nothing hides them from other
+//! views. Hidden triangles are kept when they are few: they cost little, and close gaps in other
+//! views. With a budget of triangles, the visible ones are then ranked by importance (see
+//! `decimate`).
 
 use crate::decimate::Decimation;
 use crate::views::{self, SAMPLES, Views};
@@ -15,16 +16,17 @@ use trisplat_scene::ranges::{self, Called};
 use trisplat_scene::report::{Outcome, StageProgress};
 use trisplat_scene::{Error, Result, parallel};
 
-/// Samples per pixel along each axis when only unseen triangles are dropped: a plain bake of our own soup
-/// must be fast.
+/// Samples per pixel along each axis when only unseen triangles are dropped: a plain bake of our
+/// own soup must be fast.
 const SAMPLES_AT_LEAST: u32 = 1;
 /// Hidden triangles stay when they are at most this share of all.
 const FEW_HIDDEN: f64 = 0.05;
-/// At least this share of a triangle's visible area must lie in unmasked pixels. Triangles at the border of a mask
-/// lie in masked pixels for the most part, and without them holes open in other views.
+/// At least this share of a triangle's visible area must lie in unmasked pixels. Triangles at the
+/// border of a mask lie in masked pixels for the most part, and without them holes open in other
+/// views.
 const LEAST_COUNTED: f32 = 0.02;
-/// The same for photos of an object without background: there pixels beside it are empty, and what mostly lies in
-/// them is a shard.
+/// The same for photos of an object without background: there pixels beside it are empty, and what
+/// mostly lies in them is a shard.
 const LEAST_COUNTED_CUT: f32 = 0.5;
 /// Number of photos for the curve of error against triangles.
 const CURVE_VIEWS: usize = 12;
@@ -41,12 +43,14 @@ const CURVE_STEPS: usize = 9;
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct UnseenOptions {
-    /// Keep triangles that are hidden in every photo: fewer holes far from where the photos were taken
+    /// Keep triangles that are hidden in every photo: fewer holes far from where the photos were
+    /// taken
     pub keep_unseen: bool,
     /// Remove triangles whose visible area in all photos together is below this, px
     #[schemars(range(min = 0.0, max = 1e9))]
     pub min_seen_px: f64,
-    /// Remove the least important triangles until the PSNR on the photos has fallen by this much, dB
+    /// Remove the least important triangles until the PSNR on the photos has fallen by this much,
+    /// dB
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub max_error: Option<f64>,
     /// After visible triangles were removed, move corners of the others to cover the gaps
@@ -72,13 +76,15 @@ pub struct UnseenDetails {
     /// How many of those lie outside every picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outside: Option<u64>,
-    /// Triangles dropped because photos see them nearly only in masked pixels, or mostly beside an object without background.
+    /// Triangles dropped because photos see them nearly only in masked pixels, or mostly beside an
+    /// object without background.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub masked: Option<u64>,
     /// PSNR against the number of triangles, in the order tried; only with `max_error`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve: Option<Vec<CurvePoint>>,
-    /// Moves of corners of triangles that stay; only when visible triangles were dropped and `enlarge` is on.
+    /// Moves of corners of triangles that stay; only when visible triangles were dropped and
+    /// `enlarge` is on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub corners_moved: Option<u64>,
 }
@@ -103,10 +109,12 @@ pub struct FaceLimit {
     pub spared: Vec<bool>,
 }
 
-/// Drops faces of `mesh` that `cameras` do not see (those of `views` if there are photos), and more until
-/// `limit` is met.
+/// Drops faces of `mesh` that `cameras` do not see (those of `views` if there are photos), and more
+/// until `limit` is met.
 ///
-/// Errors: an option out of range, a photo that cannot be decoded, no triangle in any view.
+/// # Errors
+///
+/// An option out of range, a photo that cannot be decoded, no triangle in any view.
 pub fn unseen(
     mesh: &mut Mesh,
     cameras: &[Camera],
@@ -185,10 +193,13 @@ pub fn unseen(
     Ok(Outcome::Changed(()))
 }
 
-/// Drops triangles that photos see nearly only in masked pixels, where training never compared them with anything,
-/// or mostly beside an object without background. Returns how many; `None` without such masks, and with `keep_unseen`.
+/// Drops triangles that photos see nearly only in masked pixels, where training never compared them
+/// with anything, or mostly beside an object without background. Returns how many; `None` without
+/// such masks, and with `keep_unseen`.
 ///
-/// Errors: a photo that cannot be decoded.
+/// # Errors
+///
+/// A photo that cannot be decoded.
 pub fn masked(
     mesh: &mut Mesh,
     views: Option<&mut Views>,
@@ -212,7 +223,8 @@ pub fn masked(
     Ok(Some(dropped))
 }
 
-/// Puts the faces that are `spared` first, the order unchanged otherwise; returns how many faces then precede each of `ends`, all spared ones among them.
+/// Puts the faces that are `spared` first, the order unchanged otherwise; returns how many faces
+/// then precede each of `ends`, all spared ones among them.
 fn spared_first<const N: usize>(
     ranked: &mut [u32],
     spared: &[bool],
@@ -303,7 +315,7 @@ fn fewest_within(
     Ok(enough)
 }
 
-// ---- Visible area of each face -----------------------------------------------------------------------
+// ---- Visible area of each face ------------------------------------------------------------------
 
 /// The visible area of each face in all cameras together, px. `[F]`
 ///
@@ -329,9 +341,12 @@ pub fn visible_px(
     samples.into_iter().map(|n| (n as f64 * per_sample) as f32).collect()
 }
 
-/// The share of each face's visible area in unmasked pixels; `None` for faces that no photo sees. `[F]`
+/// The share of each face's visible area in unmasked pixels; `None` for faces that no photo sees.
+/// `[F]`
 ///
-/// Errors: a photo that cannot be decoded.
+/// # Errors
+///
+/// A photo that cannot be decoded.
 fn counted_share(
     mesh: &Mesh,
     views: &mut Views,

@@ -1,5 +1,5 @@
-//! The first viewpoint of the file: the camera of the photo that shows the subject best or, without photos, a
-//! place around it.
+//! The first viewpoint of the file: the camera of the photo that shows the subject best or, without
+//! photos, a place around it.
 //!
 //! Runs late, because it needs the final triangles, upright as placed.
 
@@ -24,8 +24,8 @@ pub struct ViewpointDetails {
 
 trisplat_scene::stage!(ViewpointDetails, "viewpoint");
 
-/// Chooses the viewpoint of `asset`, which is placed with +y up. `cameras` are those of photos in its frame.
-/// Without any, the input's viewpoint is kept.
+/// Chooses the viewpoint of `asset`, which is placed with +y up. `cameras` are those of photos in
+/// its frame. Without any, the input's viewpoint is kept.
 pub(crate) fn viewpoint(
     asset: &mut Asset,
     cameras: &[Camera],

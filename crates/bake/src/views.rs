@@ -1,5 +1,5 @@
-//! The photos of a bake, or pictures that replace them: they decide the importance and the colour of a
-//! triangle.
+//! The photos of a bake, or pictures that replace them: they decide the importance and the colour
+//! of a triangle.
 
 use glam::{DVec3, Vec2, Vec3};
 use std::sync::Arc;
@@ -13,7 +13,8 @@ use trisplat_scene::math::metric;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{Placement, Result, placed};
 
-/// Near plane as a share of the median distance from the cameras to the middle of the scene, as in training.
+/// Near plane as a share of the median distance from the cameras to the middle of the scene, as in
+/// training.
 const NEAR: f32 = 0.01;
 /// Samples per pixel along each axis when a choice depends on the picture.
 pub const SAMPLES: u32 = 2;
@@ -33,7 +34,8 @@ pub struct Scores {
     pub ssim: f64,
 }
 
-/// Training photos of a data set, or drawn pictures, with their cameras in the frame of the scene that is baked.
+/// Training photos of a data set, or drawn pictures, with their cameras in the frame of the scene
+/// that is baked.
 #[derive(Debug)]
 pub struct Views {
     cameras: Vec<Camera>,
@@ -58,7 +60,8 @@ pub struct Views {
 }
 
 impl Views {
-    /// The training photos of `dataset`, which was read with `options`; held-out ones are never used.
+    /// The training photos of `dataset`, which was read with `options`; held-out ones are never
+    /// used.
     pub fn new(dataset: &Dataset, options: &DatasetOptions) -> Self {
         let cameras: Vec<Camera> = dataset.train().map(|v| v.camera).collect();
         let points: Vec<Vec3> = dataset.points.iter().map(|p| p.position).collect();
@@ -81,8 +84,9 @@ impl Views {
         }
     }
 
-    /// The training pictures of `dataset`, which was drawn in the frame of the scene; it covers a share `covered` of them. Where that is
-    /// nearly all, the rest is a gap in surroundings and has no weight; else it is the background of an object.
+    /// The training pictures of `dataset`, which was drawn in the frame of the scene; it covers a
+    /// share `covered` of them. Where that is nearly all, the rest is a gap in surroundings and has
+    /// no weight; else it is the background of an object.
     pub fn of_pictures(dataset: &Dataset, options: &DatasetOptions, covered: f64) -> Self {
         let views = Self { drawn: Some(covered), ..Self::new(dataset, options) };
         match covered >= SURROUNDED {
@@ -91,8 +95,8 @@ impl Views {
         }
     }
 
-    /// Pictures drawn for `cameras` in the frame of the scene, over black; their alpha is the covered share
-    /// of each pixel.
+    /// Pictures drawn for `cameras` in the frame of the scene, over black; their alpha is the
+    /// covered share of each pixel.
     pub fn drawn(cameras: Vec<Camera>, pictures: Vec<RgbImage>) -> Self {
         let mut covered = 0;
         let mut all = 0;
@@ -159,8 +163,9 @@ impl Views {
         self.cameras.is_empty()
     }
 
-    /// The photos that stages hold out at first, to evaluate on, and the others. The same for every stage: what was
-    /// fitted to the others by one is unseen by all. Fewer than five photos are all fitted to.
+    /// The photos that stages hold out at first, to evaluate on, and the others. The same for every
+    /// stage: what was fitted to the others by one is unseen by all. Fewer than five photos are all
+    /// fitted to.
     pub fn held_out(&self) -> (Vec<usize>, Vec<usize>) {
         let every = EVALUATION_EVERY.max(self.len().div_ceil(MOST_EVALUATION_VIEWS));
         (0..self.len()).partition(|view| view % every == every / 2)
@@ -193,9 +198,9 @@ impl Views {
         self.cameras.iter().map(|c| c.position().distance(center)).fold(0.0, f32::max)
     }
 
-    /// Transforms cameras and points from the world of the photos into the frame of a file that was placed in
-    /// it. Those of drawn pictures are in that frame already. The views may serve several bakes, one after
-    /// the other.
+    /// Transforms cameras and points from the world of the photos into the frame of a file that was
+    /// placed in it. Those of drawn pictures are in that frame already. The views may serve several
+    /// bakes, one after the other.
     pub fn transform(&mut self, placement: &Placement) {
         if self.drawn.is_some() {
             return;
@@ -218,8 +223,8 @@ impl Views {
         self.photos.prefetch(views.iter().copied());
     }
 
-    /// A photo. Its alpha is the weight of each pixel or, for a photo that is cut, the share covered by the
-    /// object. Fails when its file cannot be decoded.
+    /// A photo. Its alpha is the weight of each pixel or, for a photo that is cut, the share
+    /// covered by the object. Fails when its file cannot be decoded.
     pub fn photo(&mut self, view: usize) -> Result<Arc<RgbImage>> {
         let photo = self.taken(view)?;
         Ok(match self.is_cut(view) && photo.alpha.is_some() {
@@ -244,12 +249,14 @@ impl Views {
         evenly_spaced(self.len(), count).collect()
     }
 
-    /// Scores from now on are of the pixels that the scene covers, if it is a `part` of what the photos show.
+    /// Scores from now on are of the pixels that the scene covers, if it is a `part` of what the
+    /// photos show.
     pub fn show_part(&mut self, part: bool) {
         self.part = part;
     }
 
-    /// Mean PSNR of `mesh`, drawn solid, against the photos `chosen`, dB. Fails when a photo cannot be decoded.
+    /// Mean PSNR of `mesh`, drawn solid, against the photos `chosen`, dB. Fails when a photo cannot
+    /// be decoded.
     pub fn mean_psnr(&mut self, mesh: &Mesh, chosen: &[usize]) -> Result<f64> {
         let [psnr] = self.mean(mesh, chosen, |photo, drawn| {
             [metric::psnr(&photo.rgb, &drawn.rgb, photo.alpha.as_deref())]

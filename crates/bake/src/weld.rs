@@ -50,8 +50,8 @@ pub struct WeldDetails {
 
 trisplat_scene::stage!(WeldDetails, "weld");
 
-/// Welds `mesh`. With any options, an engine can draw the result: it has no indices, or indices with colours
-/// per vertex. A mesh whose faces share vertices already keeps its indices.
+/// Welds `mesh`. With any options, an engine can draw the result: it has no indices, or indices
+/// with colours per vertex. A mesh whose faces share vertices already keeps its indices.
 pub fn weld(
     mesh: &mut Mesh,
     options: &WeldOptions,
@@ -84,13 +84,14 @@ pub fn weld(
 const VERTEX_BYTES: f64 = 20.0;
 /// Bytes of an index in a GLB of more than 65,535 vertices.
 const INDEX_BYTES: f64 = 4.0;
-/// Up to this number all corners are counted; beyond it, only those whose hash starts with six zero bits.
+/// Up to this number all corners are counted; beyond it, only those whose hash starts with six zero
+/// bits.
 const SAMPLED_ABOVE: usize = 1 << 16;
 
 /// True when `mesh`, which has no indices, gets smaller with them, or when welding was requested.
 ///
-/// Counts the corners that hash to a 64th of all values: equal corners are all in the sample or all outside
-/// it, so their share is unbiased and needs no welding.
+/// Counts the corners that hash to a 64th of all values: equal corners are all in the sample or all
+/// outside it, so their share is unbiased and needs no welding.
 fn pays(mesh: &Mesh, options: &WeldOptions, details: &mut WeldDetails) -> bool {
     match options.weld {
         WeldWhen::On => return true,
@@ -120,7 +121,8 @@ fn unweld(mesh: &mut Mesh) {
         parallel::collect(indices.len(), 1 << 13, |at| positions[indices[at] as usize]);
 }
 
-/// Makes equal corners of a mesh without indices one vertex; vertices come in the order of first use.
+/// Makes equal corners of a mesh without indices one vertex; vertices come in the order of first
+/// use.
 fn share(mesh: &mut Mesh) {
     let corners = mesh.vertex_count();
     let slots = (2 * corners).next_power_of_two();

@@ -1,8 +1,8 @@
 //! `bake`: what the main job costs, next to the floor and to other tools, in one run.
 //!
 //! Every case is a whole process. The *floor* reads the same input and writes as many bytes as the
-//! bake's output with plain buffered I/O: no converter can be cheaper. The cases run in turn, round by
-//! round, so that a machine that slows down slows all of them; the median of the rounds is kept.
+//! bake's output with plain buffered I/O: no converter can be cheaper. The cases run in turn, round
+//! by round, so that a machine that slows down slows all of them; the median of the rounds is kept.
 
 use super::machine::{self, Usage, print_json};
 use super::scenes;
@@ -93,7 +93,8 @@ pub(crate) fn run(args: &BakeBenchArgs) -> Result<()> {
     if args.json { print_json(&rows) } else { Ok(()) }
 }
 
-/// Writes the input of one size and lists the command lines: ours, the floor, and other tools on our outputs.
+/// Writes the input of one size and lists the command lines: ours, the floor, and other tools on
+/// our outputs.
 fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<BakeCase>> {
     let this = std::env::current_exe().map_err(|e| Error::io("trisplat-bench", e))?;
     let beside = this.with_file_name(format!("trisplat{}", std::env::consts::EXE_SUFFIX));
@@ -116,7 +117,8 @@ fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<Ba
         }));
         cases.push(BakeCase { name, command, output });
     };
-    // Other tools convert: pictures of the soft scene would be work that they do not do. Preset fast draws none.
+    // Other tools convert: pictures of the soft scene would be work that they do not do. Preset
+    // fast draws none.
     for (name, output, flags) in [
         ("fast", "fast.glb", &["--preset", "fast"][..]),
         ("default", "default.glb", &["--teacher", "off"]),

@@ -1,7 +1,8 @@
 //! `fps`: frames per second at the paper's sizes, along real camera paths, checked.
 //!
-//! Every case draws the same frames: the cameras of the data set, or a circle. Before the clock starts, one
-//! frame is read back and compared with the solid rasteriser on the CPU, so that an empty screen cannot win.
+//! Every case draws the same frames: the cameras of the data set, or a circle. Before the clock
+//! starts, one frame is read back and compared with the solid rasteriser on the CPU, so that an
+//! empty screen cannot win.
 
 use super::machine::print_json;
 use super::scenes;
@@ -25,7 +26,8 @@ use trisplat_view::{Canvas, DrawStats, FrameParams, Headless, Model};
 /// Background colour: one that no scene is likely to have, so that holes are seen.
 const BACKGROUND: [f32; 3] = [1.0, 0.0, 1.0];
 const NEAR: f32 = 0.01;
-/// Least agreement of a frame with the solid rasteriser on the CPU that counts as the same picture, dB.
+/// Least agreement of a frame with the solid rasteriser on the CPU that counts as the same picture,
+/// dB.
 const LEAST_PSNR: f64 = 30.0;
 
 /// What to measure.
@@ -95,7 +97,8 @@ struct FrameCost {
     frame_ms: f64,
     /// The 99th percentile, ms.
     frame_p99_ms: f64,
-    /// CPU milliseconds per frame, all threads: with a software renderer this is the drawing itself.
+    /// CPU milliseconds per frame, all threads: with a software renderer this is the drawing
+    /// itself.
     cpu_ms: f64,
     /// Triangles of the chunks that were drawn, mean.
     drawn: f64,

@@ -1,4 +1,5 @@
-//! A development program: what trisplat costs and how exact it is, and the samples that tests and docs use.
+//! A development program: what trisplat costs and how exact it is, and the samples that tests and
+//! docs use.
 //!
 //! In: a machine, scenes, photos. Out: tables of cost and accuracy, synthetic scenes.
 

@@ -55,7 +55,8 @@ pub(crate) struct Usage {
     pub(crate) peak_bytes: u64,
 }
 
-/// Runs `command` as a child of this process, which must not have had others; its output is thrown away.
+/// Runs `command` as a child of this process, which must not have had others; its output is thrown
+/// away.
 ///
 /// # Errors
 /// It cannot be started, or it fails.

@@ -1,4 +1,5 @@
-//! Measures what trisplat costs and how exact it is, and makes samples: `cargo run --release -p trisplat-bench -- --help`.
+//! Measures what trisplat costs and how exact it is, and makes samples: `cargo run --release -p
+//! trisplat-bench -- --help`.
 
 use std::process::ExitCode;
 

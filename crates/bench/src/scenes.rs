@@ -1,6 +1,6 @@
-//! Synthetic soups: seeded samples of an analytic scene, of any size; the same seed gives the same bits on any
-//! number of threads. They replace trained scenes wherever size and statistics matter more than the subject:
-//! samples, tests, benchmarks.
+//! Synthetic soups: seeded samples of an analytic scene, of any size; the same seed gives the same
+//! bits on any number of threads. They replace trained scenes wherever size and statistics matter
+//! more than the subject: samples, tests, benchmarks.
 
 use super::studio::{Studio, Surface};
 use glam::{DVec2, DVec3, UVec2, Vec3, vec3};
@@ -17,12 +17,14 @@ const CORE: f64 = 0.4;
 const GROWN: f64 = 1.3;
 /// Most cells by which it may cross the border of its patch.
 const SLACK: f64 = 0.06;
-/// Area of all scattered triangles of a surface over the area of the surface, per share of scattered ones.
+/// Area of all scattered triangles of a surface over the area of the surface, per share of
+/// scattered ones.
 const OVERLAP: f64 = 10.0;
 /// Random numbers reserved for one triangle.
 const RANDOM_NUMBERS: u64 = 32;
 
-// The recipes name the command of the time when the samples were made: they are part of their bytes.
+// The recipes name the command of the time when the samples were made: they are part of their
+// bytes.
 
 /// What made [`degenerate()`].
 pub const DEGENERATE_RECIPE: &str = "trisplat sample degenerate";
@@ -47,8 +49,8 @@ struct SoupTriangle {
 
 /// `n` triangles of the studio, SH degree 0, in no particular order; -y is up.
 ///
-/// Edge lengths, opacities and σ are spread as in optimised scenes: edges over two decades, a tenth of the
-/// triangles slivers, half of them below opacity 0.5, σ around 0.3.
+/// Edge lengths, opacities and σ are spread as in optimised scenes: edges over two decades, a tenth
+/// of the triangles slivers, half of them below opacity 0.5, σ around 0.3.
 pub fn studio(n: usize, seed: u64) -> Soup {
     let studio = &Studio::new();
     let shares = shares(&studio.surfaces, n);
@@ -103,7 +105,8 @@ fn shares(surfaces: &[Surface], n: usize) -> Vec<usize> {
     surfaces.iter().map(share).collect()
 }
 
-/// A fixed permutation of 0..n: neighbours in the file are far apart in space, as in a trained soup.
+/// A fixed permutation of 0..n: neighbours in the file are far apart in space, as in a trained
+/// soup.
 fn shuffled(slot: usize, n: usize) -> usize {
     const STEP: u64 = 2_654_435_761; // prime, so coprime to every n it does not divide
     ((slot as u64).wrapping_mul(STEP) % n as u64) as usize
@@ -136,9 +139,9 @@ impl TriangleRng {
     }
 }
 
-/// The core of a surface: nearly solid triangles that tile it, as after training. A grid with jittered
-/// corners, two triangles per cell, aligned with the patches of the texture; empty when there are too few for
-/// that.
+/// The core of a surface: nearly solid triangles that tile it, as after training. A grid with
+/// jittered corners, two triangles per cell, aligned with the patches of the texture; empty when
+/// there are too few for that.
 struct CoreGrid {
     patches: UVec2,
     cells: UVec2, // of one patch
@@ -176,8 +179,8 @@ impl CoreGrid {
             / size.as_dvec2()
     }
 
-    /// Triangle `i`: a little larger than its half cell, so that it still closes the surface when its soft
-    /// rim is cut away, but hardly across the border of its patch.
+    /// Triangle `i`: a little larger than its half cell, so that it still closes the surface when
+    /// its soft rim is cut away, but hardly across the border of its patch.
     fn triangle(
         &self,
         studio: &Studio,
@@ -209,8 +212,8 @@ impl CoreGrid {
     }
 }
 
-/// Triangle `i` of `count` scattered on a surface, soft and of any size. Centres follow the R2 sequence (Roberts
-/// 2018), which covers evenly at any count.
+/// Triangle `i` of `count` scattered on a surface, soft and of any size. Centres follow the R2
+/// sequence (Roberts 2018), which covers evenly at any count.
 fn scattered(
     studio: &Studio,
     on: &Surface,
@@ -234,8 +237,8 @@ fn scattered(
     }
 }
 
-/// Corners in the unit square of a surface: mostly slivers along one of its axes, at most a little across the
-/// border of their patch.
+/// Corners in the unit square of a surface: mostly slivers along one of its axes, at most a little
+/// across the border of their patch.
 fn scattered_corners(on: &Surface, at: DVec2, area: f64, random: &TriangleRng) -> [DVec2; 3] {
     let long = (1.9 + 1.0 * random.normal(2)).exp().clamp(1.0, 60.0).sqrt();
     let along = match random.uniform(3) {
@@ -274,8 +277,8 @@ fn faint(uniform: f64) -> f64 {
     0.02 + 0.7 * uniform * uniform.sqrt()
 }
 
-/// The most degenerate soup that a reader may accept: one triangle of every kind that breaks naive code, and a few
-/// valid ones, so that a bake of it still has something to write.
+/// The most degenerate soup that a reader may accept: one triangle of every kind that breaks naive
+/// code, and a few valid ones, so that a bake of it still has something to write.
 pub fn degenerate() -> Soup {
     let mut soup = Soup::default();
     let one = [vec3(0.0, 0.0, 0.0), vec3(1.0, 0.0, 0.0), vec3(0.0, -1.0, 0.0)];

@@ -1,5 +1,6 @@
-//! The studio: an analytic scene with a known surface everywhere. Balls, a ring, a chest, a colour chart and
-//! thin poles stand on a chequered stage under a far dome. World axes are those of COLMAP: -y is up.
+//! The studio: an analytic scene with a known surface everywhere. Balls, a ring, a chest, a colour
+//! chart and thin poles stand on a chequered stage under a far dome. World axes are those of
+//! COLMAP: -y is up.
 
 use glam::{DMat3, DVec2, DVec3, UVec2, dvec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -18,7 +19,8 @@ pub(super) struct Surface {
 pub(super) enum SurfaceShape {
     /// A parallelogram; its normal is u × v.
     Parallelogram { origin: DVec3, u: DVec3, v: DVec3 },
-    /// A sixth of a sphere, above one face of the cube inside it; `axes` are the face's u, v and normal.
+    /// A sixth of a sphere, above one face of the cube inside it; `axes` are the face's u, v and
+    /// normal.
     Cap { center: DVec3, radius: f64, axes: DMat3 },
     /// A torus lying flat.
     Ring { center: DVec3, major: f64, minor: f64 },
@@ -88,7 +90,8 @@ impl SurfaceShape {
         DVec2::new(step(DVec2::X), step(DVec2::Y)) / (2.0 * half)
     }
 
-    /// Largest extent of a flat triangle along u and v that still follows the curve, in world units.
+    /// Largest extent of a flat triangle along u and v that still follows the curve, in world
+    /// units.
     pub(super) fn reach(&self) -> DVec2 {
         match self {
             SurfaceShape::Parallelogram { .. } => DVec2::INFINITY,
@@ -345,7 +348,8 @@ impl Studio {
     }
 }
 
-/// Linear light to a display code by a square root: the studio's own tone curve, exact on every machine.
+/// Linear light to a display code by a square root: the studio's own tone curve, exact on every
+/// machine.
 fn encode(linear: DVec3) -> DVec3 {
     let sqrt = |x: f64| x.max(0.0).sqrt();
     dvec3(sqrt(linear.x), sqrt(linear.y), sqrt(linear.z))

@@ -28,8 +28,8 @@ pub(super) struct ModelFiles {
     pub(super) binary: bool,
 }
 
-/// The model of a data set: in `sparse`, `colmap/sparse` or the folder itself, there in a numbered folder before the
-/// folder; of several the one of the most photos.
+/// The model of a data set: in `sparse`, `colmap/sparse` or the folder itself, there in a numbered
+/// folder before the folder; of several the one of the most photos.
 pub(super) fn locate(root: &Path) -> Option<ModelFiles> {
     models(root).into_iter().next()
 }
@@ -168,8 +168,9 @@ fn leave_out_loose(model: &mut Model, warnings: &mut Vec<String>) {
     model.images.retain(|image| !loose(image));
 }
 
-/// The folder of masks and lists, and that of the photos: below the data set, or a parent when the model's own folder was given;
-/// or the model's own folder, where the photo `name` lies beside the model.
+/// The folder of masks and lists, and that of the photos: below the data set, or a parent when the
+/// model's own folder was given; or the model's own folder, where the photo `name` lies beside the
+/// model.
 fn photo_folders(root: &Path, name: &str, options: &DatasetOptions) -> Result<(PathBuf, PathBuf)> {
     if let Some(folder) = with_photos(root, &options.images) {
         return Ok((folder.to_owned(), folder.join(&options.images)));
@@ -240,7 +241,8 @@ fn places(points: &[FoundPoint]) -> HashMap<u64, DVec3> {
     points.iter().map(|point| (point.id, point.position)).collect()
 }
 
-/// Every observation of a point: the lens, the pixel of the point, `None` behind the camera, and the observed pixel.
+/// Every observation of a point: the lens, the pixel of the point, `None` behind the camera, and
+/// the observed pixel.
 fn sightings<'a>(
     model: &'a Model,
     places: &HashMap<u64, DVec3>,
@@ -256,10 +258,12 @@ fn sightings<'a>(
     found
 }
 
-/// Projects every point of the model at `root` into every photo that observed it; `None` without a model or
-/// observations.
+/// Projects every point of the model at `root` into every photo that observed it; `None` without a
+/// model or observations.
 ///
-/// Errors: a broken model.
+/// # Errors
+///
+/// A broken model.
 pub(super) fn reprojection(root: &Path, limits: &Limits) -> Result<Option<Reprojection>> {
     let Some(files) = locate(root) else { return Ok(None) };
     let model = files.model(limits, true)?;
@@ -301,7 +305,9 @@ pub(crate) struct TrackedPhoto {
 
 /// The tracks of the COLMAP model in `folder`, or in the usual places of a data set.
 ///
-/// Errors: no model; a broken model.
+/// # Errors
+///
+/// No model; a broken model.
 pub(crate) fn tracks(folder: &Path, limits: &Limits) -> Result<Tracks> {
     let Some(files) = locate(folder) else {
         return Err(Error::unsupported(folder, "holds no COLMAP model; find the poses again"));

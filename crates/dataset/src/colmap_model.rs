@@ -24,7 +24,8 @@ pub(super) struct ImageRow {
     pub(super) observations: Vec<(u64, Vec2)>,
 }
 
-/// The rotation of the quaternion (w, x, y, z) of an image, which may have any length except zero; otherwise what is wrong.
+/// The rotation of the quaternion (w, x, y, z) of an image, which may have any length except zero;
+/// otherwise what is wrong.
 pub(super) fn rotation(wxyz: [f64; 4], moved: DVec3, image: String) -> Result<DMat3, String> {
     let q = DQuat::from_xyzw(wxyz[1], wxyz[2], wxyz[3], wxyz[0]);
     let length = q.length();
@@ -33,7 +34,8 @@ pub(super) fn rotation(wxyz: [f64; 4], moved: DVec3, image: String) -> Result<DM
     rotation.ok_or_else(|| format!("image {image} has no pose: {wxyz:?}, {moved}"))
 }
 
-/// COLMAP's camera models in the order of their numbers in binary files: name, number of parameters, 0 of those that are not read.
+/// COLMAP's camera models in the order of their numbers in binary files: name, number of
+/// parameters, 0 of those that are not read.
 const CAMERA_MODELS: [(&str, usize); 18] = [
     ("SIMPLE_PINHOLE", 3),
     ("PINHOLE", 4),

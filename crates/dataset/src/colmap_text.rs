@@ -30,7 +30,8 @@ fn read_cameras(lines: &mut TextFile, model: &mut Model) -> Result<()> {
     Ok(())
 }
 
-/// `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, then a line of `X Y POINT3D_ID` triples, perhaps empty.
+/// `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, then a line of `X Y POINT3D_ID` triples, perhaps
+/// empty.
 fn read_images(lines: &mut TextFile, keep: bool, model: &mut Model) -> Result<()> {
     while lines.next_entry()? {
         let mut words = lines.words();

@@ -45,7 +45,8 @@ pub struct Description {
     /// Measured reprojection errors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reprojection: Option<Reprojection>,
-    /// The world point that positions are relative to, when the scene is far from the world's origin.
+    /// The world point that positions are relative to, when the scene is far from the world's
+    /// origin.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<[f64; 3]>,
     /// Notes for the user, one sentence each.
@@ -71,7 +72,9 @@ pub struct CameraGroup {
 
 /// The figures of a data set.
 ///
-/// Errors: a COLMAP model that cannot be read again with its observations.
+/// # Errors
+///
+/// A COLMAP model that cannot be read again with its observations.
 pub fn describe(dataset: &Dataset, limits: &Limits) -> Result<Description> {
     let views = &dataset.views;
     let stated: Vec<f64> = dataset.points.iter().filter_map(|p| p.error).map(f64::from).collect();
@@ -151,8 +154,9 @@ const FOLDERS: [&str; 3] = ["", "sparse", "colmap/sparse"];
 const MASKS: &str = "masks";
 
 impl Dataset {
-    /// The files of the data set at `path`, a folder or a file, and what they name: poses, points, photos in the
-    /// folder `images` and elsewhere, masks. Nothing is decoded, and what cannot be read names nothing.
+    /// The files of the data set at `path`, a folder or a file, and what they name: poses, points,
+    /// photos in the folder `images` and elsewhere, masks. Nothing is decoded, and what cannot be
+    /// read names nothing.
     pub fn files(path: &Path, images: &Path, limits: &Limits) -> Vec<PathBuf> {
         let root = match path.is_dir() {
             true => path,
@@ -184,7 +188,8 @@ impl Dataset {
         files
     }
 
-    /// The files below the folder `root` with poses, points and the split, whatever program wrote them, in order of their paths.
+    /// The files below the folder `root` with poses, points and the split, whatever program wrote
+    /// them, in order of their paths.
     pub fn pose_files(root: &Path) -> Vec<PathBuf> {
         let mut files = Vec::from_iter(realityscan::locate(root));
         for folder in FOLDERS.map(|folder| root.join(folder)) {

@@ -48,8 +48,8 @@ impl PhotoNotes {
         self.focal_35.map(|focal| focal / FILM_DIAGONAL * size.as_dvec2().length())
     }
 
-    /// The same for a picture of `size` that another program made of the photo, and that is to be turned like `orientation`: some
-    /// programs turn it, and say so still.
+    /// The same for a picture of `size` that another program made of the photo, and that is to be
+    /// turned like `orientation`: some programs turn it, and say so still.
     pub(crate) fn of_copy(self, orientation: u8, size: UVec2) -> Self {
         let was_turned = orientation >= 5 && self.sensor.is_some_and(|sensor| sensor != size);
         Self { orientation: if was_turned { 1 } else { orientation }, ..self }

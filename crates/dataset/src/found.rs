@@ -1,4 +1,5 @@
-//! The content of a data set's files, in f64, before any photo is opened. Files that it names must be in its folder.
+//! The content of a data set's files, in f64, before any photo is opened. Files that it names must
+//! be in its folder.
 
 use super::colmap_model::FoundPoint;
 use super::lens::{Distortion, Lens, Projection};
@@ -89,8 +90,8 @@ impl LensClaim {
         }
     }
 
-    /// The lens, with missing values from the photo: its size, square pixels, the principal point in the
-    /// middle.
+    /// The lens, with missing values from the photo: its size, square pixels, the principal point
+    /// in the middle.
     pub(super) fn resolve(&self, photo: UVec2) -> Result<Lens, String> {
         let size = self.size.unwrap_or(photo);
         if size.min_element() == 0 {
@@ -153,8 +154,12 @@ impl<'a> NamedFiles<'a> {
         Self { list, folder, photos, allow_outside, absolute: (0, None), moved: (0, None) }
     }
 
-    /// The path of the file `name`, which the list names at `place`: there, or else of the same name, perhaps with another
-    /// extension, in the folder or that of photos. Errors: a file outside the folder without permission.
+    /// The path of the file `name`, which the list names at `place`: there, or else of the same
+    /// name, perhaps with another extension, in the folder or that of photos.
+    ///
+    /// # Errors
+    ///
+    /// A file outside the folder without permission.
     pub(super) fn find(&mut self, place: &str, name: &str) -> Result<PathBuf> {
         let slashes = name.replace('\\', "/");
         let path = Path::new(slashes.strip_prefix("./").unwrap_or(&slashes));
@@ -183,7 +188,8 @@ impl<'a> NamedFiles<'a> {
         Ok(found)
     }
 
-    /// A file whose path ends as `path` does, as far as possible, or has its stem and another extension.
+    /// A file whose path ends as `path` does, as far as possible, or has its stem and another
+    /// extension.
     fn elsewhere(&self, path: &Path) -> Option<PathBuf> {
         let parts: Vec<_> = path.iter().filter(|part| *part != "..").collect();
         let ends =

@@ -1,4 +1,5 @@
-//! The lens of a real camera: pinhole, fisheye or 360°, with distortion; and how its photos become those of a pinhole.
+//! The lens of a real camera: pinhole, fisheye or 360°, with distortion; and how its photos become
+//! those of a pinhole.
 
 use glam::{DMat2, DMat3, DVec2, DVec3, UVec2};
 use std::f64::consts::{PI, TAU};
@@ -29,7 +30,8 @@ pub enum Projection {
     Spherical,
 }
 
-/// The model of OpenCV, COLMAP, nerfstudio and Metashape, on flat coordinates (x, y) with r² = x² + y²:
+/// The model of OpenCV, COLMAP, nerfstudio and Metashape, on flat coordinates (x, y) with r² = x² +
+/// y²:
 ///
 /// ```text
 /// x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶ + k4 r⁸) + 2 p1 x y + p2 (r² + 2 x²) + s1 r²
@@ -148,8 +150,8 @@ impl Distortion {
         DVec2::new(bent.x + self.skew * bent.y, bent.y)
     }
 
-    /// The `p` with the distorted position `q`, by Newton's method; `None` without one, or where the model
-    /// has folded over.
+    /// The `p` with the distorted position `q`, by Newton's method; `None` without one, or where
+    /// the model has folded over.
     pub(crate) fn undistort(&self, q: DVec2) -> Option<DVec2> {
         let mut p = q;
         for _ in 0..64 {
@@ -214,8 +216,8 @@ pub(crate) struct Undistort {
 }
 
 impl Undistort {
-    /// The plan for photos of a perspective `lens`. Fails with the reason when the model folds over inside the photo
-    /// or leaves nothing of it.
+    /// The plan for photos of a perspective `lens`. Fails with the reason when the model folds over
+    /// inside the photo or leaves nothing of it.
     pub(crate) fn new(lens: &Lens) -> Result<Self, String> {
         let (low, high) = inner_rectangle(lens).ok_or(
             "the distortion folds over inside the photo: its coefficients cannot be right",
@@ -234,8 +236,8 @@ impl Undistort {
         Ok(Self { lens: *lens, pinhole, turn: DMat3::IDENTITY })
     }
 
-    /// The photo resampled bilinearly. If it is smaller than the lens's size, the result is smaller by the
-    /// same factor.
+    /// The photo resampled bilinearly. If it is smaller than the lens's size, the result is smaller
+    /// by the same factor.
     pub(crate) fn apply(&self, photo: &RgbImage) -> RgbImage {
         let ratio = photo.size.as_dvec2() / self.lens.size.as_dvec2();
         let size = (self.pinhole.size.as_dvec2() * ratio).round().as_uvec2().max(UVec2::ONE);
@@ -263,8 +265,9 @@ impl Undistort {
     }
 }
 
-/// The largest upright rectangle whose pixels are all inside the photo, in the pixels of a pinhole with
-/// the same focal lengths and principal point; at most twice the photo's size around that point.
+/// The largest upright rectangle whose pixels are all inside the photo, in the pixels of a pinhole
+/// with the same focal lengths and principal point; at most twice the photo's size around that
+/// point.
 fn inner_rectangle(lens: &Lens) -> Option<(DVec2, DVec2)> {
     let size = lens.size.as_dvec2();
     let mut low = lens.center - size;

@@ -1,5 +1,5 @@
-//! Posed photos in: COLMAP models, `transforms.json` and the files of photogrammetry programs become cameras, lazily decoded photos
-//! and a sparse cloud of points.
+//! Posed photos in: COLMAP models, `transforms.json` and the files of photogrammetry programs
+//! become cameras, lazily decoded photos and a sparse cloud of points.
 //!
 //! In: folders of photos with poses. Out: cameras, photos decoded on demand, points, exposures.
 

@@ -1,7 +1,8 @@
 //! `poses_bounds.npy` of LLFF: poses of the photos of a folder in order of name.
 //!
-//! A row of 17 numbers is a matrix of 3 by 5, row by row, and the nearest and farthest depth. The columns of the matrix are the
-//! directions down, right and backwards of the photo, the place of the camera, and (height, width, focal length) in px.
+//! A row of 17 numbers is a matrix of 3 by 5, row by row, and the nearest and farthest depth. The
+//! columns of the matrix are the directions down, right and backwards of the photo, the place of
+//! the camera, and (height, width, focal length) in px.
 
 use super::found::{FoundDataset, FoundPhoto, LensClaim};
 use super::options::DatasetOptions;
@@ -100,7 +101,8 @@ struct Header {
 }
 
 impl Header {
-    /// Read it from the start of `from`, a file of `length` bytes: magic bytes, the length of a Python dict, the dict.
+    /// Read it from the start of `from`, a file of `length` bytes: magic bytes, the length of a
+    /// Python dict, the dict.
     fn read(file: &Path, from: &mut File, length: u64) -> Result<Self> {
         let wrong = |reason: String| {
             Error::malformed(

@@ -1,5 +1,5 @@
-//! From the path of a data set to cameras and photos: finds its reader, then does the common steps: check the
-//! photos, plan their undistortion, shrink, split.
+//! From the path of a data set to cameras and photos: finds its reader, then does the common steps:
+//! check the photos, plan their undistortion, shrink, split.
 
 use super::colmap_model::FoundPoint;
 use super::found::{FoundDataset, FoundPhoto};
@@ -32,9 +32,9 @@ impl Dataset {
     /// ```
     ///
     /// # Errors
-    /// `Unsupported` for a folder without posed photos or a camera model that is not read, `Malformed` for
-    /// broken files. Only the headers of photos are read; a missing or broken photo is an error unless
-    /// `skip_broken` is set.
+    /// `Unsupported` for a folder without posed photos or a camera model that is not read,
+    /// `Malformed` for broken files. Only the headers of photos are read; a missing or broken photo
+    /// is an error unless `skip_broken` is set.
     pub fn load(path: impl AsRef<Path>, options: &DatasetOptions) -> Result<Self> {
         let path = path.as_ref();
         finish(path, find(path, options)?, options, None)
@@ -51,9 +51,9 @@ impl Dataset {
         }
     }
 
-    /// Like [`Dataset::load`], but only with the named photos, all for training; others are not opened and
-    /// may be missing. The points and the origin are those of the whole data set; if `origin` is given, there
-    /// are no points.
+    /// Like [`Dataset::load`], but only with the named photos, all for training; others are not
+    /// opened and may be missing. The points and the origin are those of the whole data set; if
+    /// `origin` is given, there are no points.
     ///
     /// # Errors
     /// Those of [`Dataset::load`]; a name that is not in the data set.
@@ -66,8 +66,8 @@ impl Dataset {
         finish(path, find(path, options)?, options, Some((names, origin)))
     }
 
-    /// Reprojection errors, if the data set has observations. Reads its model again, because nothing else
-    /// needs observations.
+    /// Reprojection errors, if the data set has observations. Reads its model again, because
+    /// nothing else needs observations.
     ///
     /// # Errors
     /// A model that can no longer be read.
@@ -260,7 +260,8 @@ fn open_views(
 /// Longer side of a photo in shorter ones, at most: a strip shows no scene, and cannot be shrunk.
 const LONGEST_SHAPE: u32 = 64;
 
-/// The views of a photo, one unless its lens is wide, and a warning when it has another size than its camera.
+/// The views of a photo, one unless its lens is wide, and a warning when it has another size than
+/// its camera.
 fn open_photo(
     found: &FoundPhoto,
     origin: DVec3,
@@ -392,7 +393,8 @@ fn shrunk(size: UVec2, max_size: Option<u32>) -> UVec2 {
     }
 }
 
-/// Looks for `masks/NAME.png` and `masks/NAME.jpg.png` (as COLMAP names them) where no mask is named.
+/// Looks for `masks/NAME.png` and `masks/NAME.jpg.png` (as COLMAP names them) where no mask is
+/// named.
 fn find_masks(found: &mut FoundDataset, options: &DatasetOptions) {
     if options.masks == Masks::Off {
         found.photos.iter_mut().for_each(|photo| photo.mask = None);
@@ -465,8 +467,8 @@ fn check_extent(found: &FoundDataset) -> Result<()> {
     Err(Error::malformed(&found.list, format!("photo `{name}`"), reason))
 }
 
-/// The origin to subtract from every position, from the middle of the cameras and the extent of cameras and
-/// points.
+/// The origin to subtract from every position, from the middle of the cameras and the extent of
+/// cameras and points.
 fn origin_of(found: &FoundDataset) -> DVec3 {
     let centers: Vec<DVec3> = found.photos.iter().map(FoundPhoto::center).collect();
     let count = centers.len().max(1) as f64;

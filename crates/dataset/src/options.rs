@@ -20,8 +20,8 @@ pub struct DatasetOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 65_535))]
     pub max_size: Option<u32>,
-    /// Hold out every Nth photo by name (the 1st, the N+1st, ...) if the data set has no split of its own; 0
-    /// trains on all photos, even if it has one.
+    /// Hold out every Nth photo by name (the 1st, the N+1st, ...) if the data set has no split of
+    /// its own; 0 trains on all photos, even if it has one.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 8))]
     #[schemars(range(max = 1_000_000))]
     pub test_every: u32,
@@ -31,15 +31,15 @@ pub struct DatasetOptions {
     /// Folder of the photos, relative to the data set; COLMAP models name them relative to it.
     #[cfg_attr(feature = "cli", arg(long, value_name = "FOLDER", default_value = "images"))]
     pub images: PathBuf,
-    /// What to do with the pictures in the folder `masks`, and with the `mask_path` of a frame. Transparent
-    /// pixels are a mask that cuts, unless this is `off`.
+    /// What to do with the pictures in the folder `masks`, and with the `mask_path` of a frame.
+    /// Transparent pixels are a mask that cuts, unless this is `off`.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub masks: Masks,
     /// Colour behind transparent pixels: black, white or #rrggbb.
     #[cfg_attr(feature = "cli", arg(long, value_name = "COLOR", default_value_t))]
     pub background: Background,
-    /// Memory for decoded photos and drawn pictures, MiB; others go into a temporary file. Each thread may
-    /// hold one more.
+    /// Memory for decoded photos and drawn pictures, MiB; others go into a temporary file. Each
+    /// thread may hold one more.
     #[cfg_attr(feature = "cli", arg(long, value_name = "MIB", default_value_t = 1024))]
     #[schemars(range(max = 16_777_216))]
     pub photo_memory_mib: u32,
@@ -63,7 +63,8 @@ impl DatasetOptions {
         u64::from(self.photo_memory_mib) << 20
     }
 
-    /// The options for reading a scene of these photos: colours up to `sh_degree`, with the same limits.
+    /// The options for reading a scene of these photos: colours up to `sh_degree`, with the same
+    /// limits.
     pub fn read_options(&self, sh_degree: u8) -> ReadOptions {
         ReadOptions { sh_degree, limits: self.limits, allow_outside: self.allow_outside }
     }

@@ -102,7 +102,8 @@ impl Photo {
         Self { crop: Some(Crop { corner, whole }), size, ..self.clone() }
     }
 
-    /// True for a photo of an object without background: it has transparent pixels, or a mask that cuts.
+    /// True for a photo of an object without background: it has transparent pixels, or a mask that
+    /// cuts.
     pub fn is_cut(&self) -> bool {
         self.cut
     }
@@ -118,9 +119,9 @@ impl Photo {
         self.crop.map_or(self.size, |crop| crop.whole) != full
     }
 
-    /// The photo for training: blended with the background, masked, undistorted, shrunk. `alpha` is the
-    /// weight of each pixel in the loss, `None` when all are 1. In a [cut](Photo::is_cut) photo it is the
-    /// share of the pixel that the object covers, and the colours are over black.
+    /// The photo for training: blended with the background, masked, undistorted, shrunk. `alpha` is
+    /// the weight of each pixel in the loss, `None` when all are 1. In a [cut](Photo::is_cut) photo
+    /// it is the share of the pixel that the object covers, and the colours are over black.
     pub fn decode(&self) -> Result<RgbImage> {
         let whole = match &self.drawn {
             Some(Drawn::Held(pixels)) => RgbImage::clone(pixels),
@@ -201,7 +202,8 @@ impl Photo {
         matches!(self.drawn, Some(Drawn::Stored(..)))
     }
 
-    /// Most bytes in memory while it is decoded, the result included; of a picture in a temporary file, the result.
+    /// Most bytes in memory while it is decoded, the result included; of a picture in a temporary
+    /// file, the result.
     pub(super) fn decoding_bytes(&self) -> u64 {
         // Beside the picture: its mask, or the same without distortion.
         let stored = u64::from(self.stored.x) * u64::from(self.stored.y);

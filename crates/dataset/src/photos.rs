@@ -1,8 +1,9 @@
 //! All photos of a run, decoded in the background under a memory budget.
 //!
-//! Every file is decoded once. Photos beyond the budget are kept, already shrunk, in a cache on disk (a
-//! temporary file without a name), and come back at the speed of a copy. What a decoder needs counts too: photos leave
-//! memory before the next one is decoded, and one that takes more than the budget is decoded alone.
+//! Every file is decoded once. Photos beyond the budget are kept, already shrunk, in a cache on
+//! disk (a temporary file without a name), and come back at the speed of a copy. What a decoder
+//! needs counts too: photos leave memory before the next one is decoded, and one that takes more
+//! than the budget is decoded alone.
 
 use super::photo::{Photo, PictureFile, StoredPicture};
 use std::collections::{BTreeSet, VecDeque};
@@ -13,10 +14,11 @@ use trisplat_scene::input::guarded;
 use trisplat_scene::process::release_freed;
 use trisplat_scene::{Error, Result};
 
-/// Number of decoding threads, and of the next photos that stay in memory even beyond the budget, so that training does not
-/// wait for the disk.
+/// Number of decoding threads, and of the next photos that stay in memory even beyond the budget,
+/// so that training does not wait for the disk.
 const WORKERS: usize = 2;
-/// A taken photo is searched only this near to the front of the queue, because it occurs again later.
+/// A taken photo is searched only this near to the front of the queue, because it occurs again
+/// later.
 const SOON: usize = 8;
 
 /// Decoded photos by index.
@@ -248,8 +250,8 @@ impl Loader {
         None
     }
 
-    /// Moves the least recently taken photos to the disk cache until the budget is met, also by those on their way, except
-    /// those needed at once.
+    /// Moves the least recently taken photos to the disk cache until the budget is met, also by
+    /// those on their way, except those needed at once.
     fn evict(&self, state: &mut LoaderState, newest: usize) {
         let loading = self.loading_bytes(state);
         while state.resident_bytes + loading > self.budget_bytes {

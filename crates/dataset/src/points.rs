@@ -14,7 +14,8 @@ use trisplat_scene::{Limits, Result, Rng};
 /// The colour of a point without one.
 const GREY: [u8; 3] = [128; 3];
 
-/// The points of a PLY file: x, y, z and, if they are bytes, red, green, blue of the element `vertex`.
+/// The points of a PLY file: x, y, z and, if they are bytes, red, green, blue of the element
+/// `vertex`.
 pub(super) fn read_ply(path: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
     let mut source = Source::open(path, limits)?;
     let header = ply::header::read(&mut source)?;
@@ -35,9 +36,10 @@ pub(super) fn read_ply(path: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> 
     Ok(points)
 }
 
-/// Brings points at infinity to the horizon: the distance from which a point has a parallax of one pixel between the outermost
-/// cameras. Beyond it no photo tells distances apart, and a scene a million times as large as what the photos show has no exact numbers.
-/// Returns how many were beyond, and the horizon, in world units.
+/// Brings points at infinity to the horizon: the distance from which a point has a parallax of one
+/// pixel between the outermost cameras. Beyond it no photo tells distances apart, and a scene a
+/// million times as large as what the photos show has no exact numbers. Returns how many were
+/// beyond, and the horizon, in world units.
 pub(super) fn bring_to_horizon(points: &mut [Point], cameras: &[Camera]) -> (usize, f64) {
     let Some([low, high]) = bounds(cameras.iter().map(Camera::position)) else { return (0, 0.0) };
     let middle = low.midpoint(high).as_dvec3();
@@ -61,8 +63,9 @@ const TRIES: u64 = 16;
 
 /// `count` grey points inside the views' frusta, the same ones for the same seed.
 ///
-/// Each is on a random ray of one camera, log-uniformly between 0.3 and 3 times the viewing distance, and if
-/// possible inside another camera's frustum, because a point in only one photo has no certain place.
+/// Each is on a random ray of one camera, log-uniformly between 0.3 and 3 times the viewing
+/// distance, and if possible inside another camera's frustum, because a point in only one photo has
+/// no certain place.
 pub fn random_points(views: &[&View], count: usize, seed: u64) -> Vec<Point> {
     if views.is_empty() {
         return Vec::new();
@@ -94,8 +97,8 @@ fn on_ray(view: &View, distance: f32, rng: Rng, index: u64) -> Vec3 {
     camera.rotation.transpose() * (seen - camera.translation)
 }
 
-/// The viewing distance: the median distance of the cameras to their common focus; without one or far beyond the cameras, twice
-/// their spread; 1 for a single place.
+/// The viewing distance: the median distance of the cameras to their common focus; without one or
+/// far beyond the cameras, twice their spread; 1 for a single place.
 pub fn looking_distance(views: &[&View]) -> f32 {
     let count = views.len() as f32;
     let centers: Vec<Vec3> = views.iter().map(|v| v.camera.position()).collect();

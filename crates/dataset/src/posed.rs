@@ -1,4 +1,5 @@
-//! A data set in memory: posed photos of one scene, those held out, and the sparse cloud of its points.
+//! A data set in memory: posed photos of one scene, those held out, and the sparse cloud of its
+//! points.
 
 use super::options::{DatasetOptions, Masks};
 use super::photo::Photo;
@@ -24,8 +25,8 @@ pub struct Dataset {
     pub views: Vec<View>,
     /// The sparse cloud; may be empty.
     pub points: Vec<Point>,
-    /// The world point at (0, 0, 0) here: zero, unless the scene is too far from the origin for f32. world =
-    /// origin + position.
+    /// The world point at (0, 0, 0) here: zero, unless the scene is too far from the origin for
+    /// f32. world = origin + position.
     pub origin: DVec3,
     /// Repairs, omissions and oddities, one sentence each.
     pub warnings: Vec<String>,
@@ -47,9 +48,12 @@ pub struct View {
 }
 
 impl View {
-    /// The same view with only a part of its picture: of `size` px, with its upper left corner at `corner`.
+    /// The same view with only a part of its picture: of `size` px, with its upper left corner at
+    /// `corner`.
     ///
-    /// Errors: a part that is empty or outside the picture.
+    /// # Errors
+    ///
+    /// A part that is empty or outside the picture.
     pub fn cropped(&self, corner: UVec2, size: UVec2) -> Result<Self> {
         let whole = self.camera.size;
         let fits = |a: usize| {
@@ -99,7 +103,8 @@ impl Dataset {
         view.tracked.iter().filter_map(found)
     }
 
-    /// Whether a tracked point, by its index, is one of the fifth that judges the depth of scenes: no training uses it.
+    /// Whether a tracked point, by its index, is one of the fifth that judges the depth of scenes:
+    /// no training uses it.
     pub fn judges_depth(index: usize) -> bool {
         index.is_multiple_of(5)
     }
@@ -141,8 +146,8 @@ impl Dataset {
         }
     }
 
-    /// The world axis that usually points up in this kind of data set: -Y in COLMAP's models, which begin with an upright photo, and
-    /// LLFF's, made of them; +Z in others.
+    /// The world axis that usually points up in this kind of data set: -Y in COLMAP's models, which
+    /// begin with an upright photo, and LLFF's, made of them; +Z in others.
     pub fn up_axis(&self) -> UpAxis {
         match self.kind {
             DatasetKind::ColmapBinary | DatasetKind::ColmapText | DatasetKind::Llff => UpAxis::NegY,
@@ -261,7 +266,9 @@ impl Split {
 
     /// The same.
     ///
-    /// Errors: no photos.
+    /// # Errors
+    ///
+    /// No photos.
     pub fn some_of(self, dataset: &Dataset) -> Result<Vec<&View>> {
         let views = self.of(dataset);
         if views.is_empty() {
@@ -275,8 +282,8 @@ impl Split {
     }
 }
 
-/// Marks the held-out views. They are sorted by name, and those of a `transforms_test.json` are marked
-/// already.
+/// Marks the held-out views. They are sorted by name, and those of a `transforms_test.json` are
+/// marked already.
 pub(super) fn hold_out(dataset: &mut Dataset, root: &Path, options: &DatasetOptions) -> Result<()> {
     let list = root.join("test.txt");
     if options.test_every == 0 {

@@ -1,8 +1,10 @@
-//! RealityScan's table of registered photos (Export > Registration > Internal/External camera parameters).
+//! RealityScan's table of registered photos (Export > Registration > Internal/External camera
+//! parameters).
 //!
-//! A line per photo: its name, place (z up), heading, pitch and roll in degrees, focal length f in mm of a photo whose longer side
-//! is 36 mm, principal point from the middle in longer sides, and Brown's coefficients. A photo with three angles of 0 looks down,
-//! its upper edge to +y; tangential coefficients are in the order opposite to OpenCV's.
+//! A line per photo: its name, place (z up), heading, pitch and roll in degrees, focal length f in
+//! mm of a photo whose longer side is 36 mm, principal point from the middle in longer sides, and
+//! Brown's coefficients. A photo with three angles of 0 looks down, its upper edge to +y;
+//! tangential coefficients are in the order opposite to OpenCV's.
 
 use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
 use super::lens::Distortion;

@@ -13,11 +13,12 @@ const LEAST_POINTS: usize = 50;
 const LEAST_SIGHTS: u64 = 3;
 /// Smaller masks say nothing: share of the pixels.
 const LEAST_AREA: f64 = 0.02;
-/// Points that three quarters of the photos keep are masked this many times less often than pixels are: 0.006 times in dtu_scan24,
-/// 0.001 to 0.08 where masks are those of balls in the sample and three captures, 0.3 to 1.2 for discs at random places.
+/// Points that three quarters of the photos keep are masked this many times less often than pixels
+/// are: 0.006 times in dtu_scan24, 0.001 to 0.08 where masks are those of balls in the sample and
+/// three captures, 0.3 to 1.2 for discs at random places.
 const MOST_MASKED: f64 = 0.16;
-/// Silhouettes differ between photos by this share of the masked area, even of a ball in the middle of every photo. What belongs
-/// to the lens is always the same.
+/// Silhouettes differ between photos by this share of the masked area, even of a ball in the middle
+/// of every photo. What belongs to the lens is always the same.
 const LEAST_CHANGE: f64 = 0.02;
 /// Cells per side in which masks are compared.
 const CELLS: u32 = 16;
@@ -30,7 +31,8 @@ struct Sight {
     masked: Vec<f64>,
 }
 
-/// Whether the masks of `views` are the silhouettes of the object that `points` lie on. False where a photo has none.
+/// Whether the masks of `views` are the silhouettes of the object that `points` lie on. False where
+/// a photo has none.
 pub(super) fn are_silhouettes(views: &[View], points: &[Point]) -> bool {
     if points.len() < LEAST_POINTS || views.iter().any(|view| view.photo.mask.is_none()) {
         return false;
@@ -60,7 +62,8 @@ fn agree(seen: &[Sight], points: usize) -> bool {
         let sights = || seen.iter().filter_map(|sight| sight.keeps[point]);
         let all = sights().count() as u64;
         let kept = sights().filter(|keeps| *keeps).count() as u64;
-        // Points of the background are masked more often by the silhouettes of an object before them.
+        // Points of the background are masked more often by the silhouettes of an object before
+        // them.
         if all >= LEAST_SIGHTS && 4 * kept >= 3 * all {
             objects = objects + 1;
             shown = shown + all;

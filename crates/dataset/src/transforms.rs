@@ -1,7 +1,7 @@
 //! `transforms.json` of nerfstudio, instant-ngp and Blender.
 //!
-//! Poses are camera to world with OpenGL axes (x right, y up, z back); ours are world to camera with
-//! COLMAP's (x right, y down, z forward):
+//! Poses are camera to world with OpenGL axes (x right, y up, z back); ours are world to camera
+//! with COLMAP's (x right, y down, z forward):
 //!
 //! ```text
 //! R = (M diag(1, -1, -1))^T        t = -R c        M, c: rotation and column 3 of transform_matrix
@@ -85,7 +85,8 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     Ok(FoundDataset { kind, root, list, photos, points, warnings })
 }
 
-/// Holds out the photos that the file's own lists name, and leaves out those in none of them. Returns a warning.
+/// Holds out the photos that the file's own lists name, and leaves out those in none of them.
+/// Returns a warning.
 fn split(
     file: &Path,
     transforms: &Transforms,
@@ -172,7 +173,8 @@ fn quoted(text: &str) -> String {
     out
 }
 
-/// Adds the frames of another file, held out; a photo in both files is held out too. Returns warnings.
+/// Adds the frames of another file, held out; a photo in both files is held out too. Returns
+/// warnings.
 fn add_held_out(
     frames: &mut Vec<FoundPhoto>,
     file: &Path,

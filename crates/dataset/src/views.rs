@@ -1,4 +1,5 @@
-//! The photo of a wide lens as pinhole views that cover its field: one up to 110°, two or more above, the faces of a cube for 360°.
+//! The photo of a wide lens as pinhole views that cover its field: one up to 110°, two or more
+//! above, the faces of a cube for 360°.
 
 use super::lens::{Lens, Projection, Undistort};
 use glam::{DMat3, DVec2, DVec3};
@@ -23,7 +24,9 @@ struct Part {
 
 /// The names and resampling of the views of a lens; `None` for a photo that is a pinhole's already.
 ///
-/// Errors: the reason why the lens has none.
+/// # Errors
+///
+/// The reason why the lens has none.
 pub(super) fn plans(lens: &Lens) -> Result<Vec<(&'static str, Option<Undistort>)>, String> {
     if lens.distortion.is_none() {
         return Ok(vec![("", None)]);
@@ -141,7 +144,8 @@ impl Field<'_> {
         }
     }
 
-    /// The resampling for the largest rectangle of `part` that the lens shows, if that is worth a picture.
+    /// The resampling for the largest rectangle of `part` that the lens shows, if that is worth a
+    /// picture.
     fn plan(&self, part: &Part) -> Option<Undistort> {
         let step = (part.high - part.low) / CELLS as f64;
         let at = |x: usize, y: usize| part.low + step * DVec2::new(x as f64, y as f64);
@@ -170,7 +174,8 @@ impl Field<'_> {
     }
 }
 
-/// The largest upright rectangle of cells, `side` by `side`, that are all `whole`: left, top, right, bottom.
+/// The largest upright rectangle of cells, `side` by `side`, that are all `whole`: left, top,
+/// right, bottom.
 fn largest_rectangle(side: usize, whole: impl Fn(usize, usize) -> bool) -> Option<[usize; 4]> {
     let mut best = None;
     let mut area = 0;

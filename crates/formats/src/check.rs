@@ -1,7 +1,7 @@
 //! Checks a file for faults that readers find, for what engines reject, and for our own promises.
 //!
-//! Readers stop at the first fault; this check reports every fault with its place. Faults of one kind are one
-//! finding, with their number and the first few places.
+//! Readers stop at the first fault; this check reports every fault with its place. Faults of one
+//! kind are one finding, with their number and the first few places.
 
 pub use crate::gltf::{Finding, Severity};
 
@@ -99,7 +99,7 @@ fn check_loaded(loaded: &ImportedScene, findings: &mut Findings) {
     }
 }
 
-// ---- Triangles that an engine draws badly or not at all, in any format -------------------------------
+// ---- Triangles that an engine draws badly or not at all, in any format --------------------------
 
 /// Largest side of a texture that today's phones draw, texels.
 const LARGEST_TEXTURE: u32 = 4096;
@@ -151,7 +151,8 @@ pub(super) fn check_mesh(mesh: &Mesh, findings: &mut Findings) {
     }
 }
 
-/// Degenerate triangles. glTF validators miss them: they look at equal indices, not at equal positions.
+/// Degenerate triangles. glTF validators miss them: they look at equal indices, not at equal
+/// positions.
 fn check_corners(
     count: usize,
     corners: impl Fn(usize) -> [Vec3; 3] + Sync,

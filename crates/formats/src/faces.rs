@@ -1,7 +1,8 @@
 //! Faces with any number of corners, cut into triangles.
 //!
-//! A convex polygon becomes a fan around its first corner. Any other is projected onto its mean plane (Newell's normal, "Triangulating
-//! Polygons", Graphics Gems III) and its ears are clipped by the crate `earcut`, so that concave polygons of a plane keep their outline.
+//! A convex polygon becomes a fan around its first corner. Any other is projected onto its mean
+//! plane (Newell's normal, "Triangulating Polygons", Graphics Gems III) and its ears are clipped by
+//! the crate `earcut`, so that concave polygons of a plane keep their outline.
 
 use earcut::Earcut;
 use glam::{DVec2, DVec3, Vec2, Vec3};
@@ -50,7 +51,8 @@ struct Polygon {
 pub(super) struct Triangles {
     /// Three corners per triangle. `[T * 3]`
     pub(super) indices: Vec<u32>,
-    /// The faces that had more than three corners, in order, and the number of triangles each became.
+    /// The faces that had more than three corners, in order, and the number of triangles each
+    /// became.
     polygons: Vec<(usize, usize)>,
 }
 
@@ -134,7 +136,8 @@ impl Triangles {
         out
     }
 
-    /// The corners of a mesh of `vertices`; empty where they are 0, 1, 2, 3, ... and no two triangles share one.
+    /// The corners of a mesh of `vertices`; empty where they are 0, 1, 2, 3, ... and no two
+    /// triangles share one.
     pub(super) fn into_indices(self, vertices: usize) -> Vec<u32> {
         let unshared = self.indices.len() == vertices
             && self.indices.iter().enumerate().all(|(i, v)| i == *v as usize);
@@ -151,7 +154,8 @@ struct Cutter {
 }
 
 impl Cutter {
-    /// The triangles of a polygon, or none when a fan is as good: it is convex, has no area, is not finite, or crosses itself beyond repair.
+    /// The triangles of a polygon, or none when a fan is as good: it is convex, has no area, is not
+    /// finite, or crosses itself beyond repair.
     fn cut(&mut self, corners: &[u32], positions: &[Vec3]) -> Option<Vec<u32>> {
         self.project(corners, positions)?;
         if self.is_convex() {
@@ -162,8 +166,8 @@ impl Cutter {
         (!indices.is_empty()).then_some(indices)
     }
 
-    /// Projects the corners onto their mean plane, counter-clockwise, in units of their extent; none without
-    /// such a plane.
+    /// Projects the corners onto their mean plane, counter-clockwise, in units of their extent;
+    /// none without such a plane.
     fn project(&mut self, corners: &[u32], positions: &[Vec3]) -> Option<()> {
         let points = corners.iter().map(|&v| positions[v as usize].as_dvec3());
         let first = points.clone().next()?;
@@ -189,7 +193,7 @@ impl Cutter {
     }
 }
 
-// ---- Texture coordinates of corners ------------------------------------------------------------------
+// ---- Texture coordinates of corners -------------------------------------------------------------
 
 /// The texture coordinates of the corners of a file's faces.
 #[derive(Debug, Default)]
@@ -217,8 +221,8 @@ impl PlacedCorners {
         }
     }
 
-    /// Texture coordinates of the corners of triangles, from the upper left corner; not finite where a corner has none. Empty when no corner
-    /// has any. `[T]`
+    /// Texture coordinates of the corners of triangles, from the upper left corner; not finite
+    /// where a corner has none. Empty when no corner has any. `[T]`
     pub(super) fn of(&self, triangles: &[[u32; 3]], face_of: &[u32]) -> Vec<[Vec2; 3]> {
         if self.corners.is_empty() {
             return Vec::new();
@@ -237,7 +241,7 @@ impl PlacedCorners {
     }
 }
 
-// ---- Colour channels from floats: sRGB-encoded, usually but not always in [0, 1] ---------------------
+// ---- Colour channels from floats: sRGB-encoded, usually but not always in [0, 1] ----------------
 
 /// A channel above this is not an overshoot but has another scale.
 const OVERSHOOT: f32 = 2.0;
@@ -255,7 +259,8 @@ pub(super) struct Clamped {
 }
 
 impl Clamped {
-    /// The channel in [0, 1]; NaN when it is not finite, so that its triangle is dropped and counted.
+    /// The channel in [0, 1]; NaN when it is not finite, so that its triangle is dropped and
+    /// counted.
     #[inline]
     pub(super) fn channel(&mut self, value: f32) -> f32 {
         if (0.0..=1.0).contains(&value) {
@@ -306,7 +311,8 @@ mod tests {
     }
 
     proptest! {
-        /// Any polygon around a point, however far its corners are from it, has the area of its triangles.
+        /// Any polygon around a point, however far its corners are from it, has the area of its
+        /// triangles.
         #[test]
         fn a_polygon_keeps_its_area(radii in prop::collection::vec(0.1f32..1.0, 4..60), reversed: bool) {
             let count = radii.len();

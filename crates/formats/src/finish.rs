@@ -8,11 +8,15 @@ use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::report::counted;
 use trisplat_scene::{Error, ImportedScene, Limits, Placement, Provenance, Result, Scene, Soup};
 
-/// The scene without triangles that are not finite; a warning counts these. `origin` was subtracted from its
-/// positions.
+/// The scene without triangles that are not finite; a warning counts these. `origin` was subtracted
+/// from its positions.
 ///
-/// A valid scene costs one parallel pass over its numbers. Errors: `Malformed` when opacity, σ or colours are
-/// out of range, when a corner names a missing vertex, or when no triangle is left.
+/// A valid scene costs one parallel pass over its numbers.
+///
+/// # Errors
+///
+/// `Malformed` when opacity, σ or colours are out of range, when a corner names a missing vertex,
+/// or when no triangle is left.
 pub(crate) fn finish(path: &Path, loaded: ImportedScene, origin: DVec3) -> Result<ImportedScene> {
     let ImportedScene { mut scene, mut provenance, mut warnings, cameras } = loaded;
     note_origin(&mut provenance, &mut warnings, origin);
@@ -56,8 +60,8 @@ fn drop_from_soup(soup: &mut Soup) -> Result<Option<usize>> {
     Ok(first)
 }
 
-/// Drops faces that are not finite, and unused vertices, and validates the rest; returns the first dropped
-/// face.
+/// Drops faces that are not finite, and unused vertices, and validates the rest; returns the first
+/// dropped face.
 fn drop_from_mesh(mesh: &mut Mesh) -> Result<Option<usize>> {
     mesh.validate_shape()?;
     let finite = |face: usize| {
@@ -76,18 +80,21 @@ fn drop_from_mesh(mesh: &mut Mesh) -> Result<Option<usize>> {
     Ok(keep.iter().position(|keep| !keep))
 }
 
-// ---- Scenes far from the origin of their world: at 500 km, f32 has steps of 3 cm ----------------------
+// ---- Scenes far from the origin of their world: at 500 km, f32 has steps of 3 cm ----------------
 //
-// Files with higher precision are read relative to an origin of their own, which the placement stores. So
-// the bake gives bitwise the same result as for the scene at the origin.
+// Files with higher precision are read relative to an origin of their own, which the placement
+// stores. So the bake gives bitwise the same result as for the scene at the origin.
 
 /// Below this distance along every axis positions are read unchanged.
 const NEAR: f64 = 4096.0;
-/// A data set farther from the origin than this many times its own size loses a millionth of the size.
+/// A data set farther from the origin than this many times its own size loses a millionth of the
+/// size.
 const TIMES_SIZE: f64 = 100.0;
-/// A scene gets an origin of its own if it is farther from the origin than this many times its size.
+/// A scene gets an origin of its own if it is farther from the origin than this many times its
+/// size.
 const TIMES_SPREAD: f64 = 16.0;
-/// Share of the positions that determine a scene's size, so that a few strays or a sky do not change it.
+/// Share of the positions that determine a scene's size, so that a few strays or a sky do not
+/// change it.
 const NEARLY_ALL: f64 = 0.9;
 /// Most positions to sample.
 const SAMPLE: usize = 1 << 12;
@@ -97,8 +104,8 @@ pub(crate) fn sampled(count: usize) -> impl Iterator<Item = usize> {
     (0..count).step_by(count.div_ceil(SAMPLE).max(1))
 }
 
-/// The origin of a file, from a sample of its positions: whole numbers, and zero where f32 suffices.
-/// Positions that are not finite are ignored here and removed later.
+/// The origin of a file, from a sample of its positions: whole numbers, and zero where f32
+/// suffices. Positions that are not finite are ignored here and removed later.
 pub(crate) fn origin_of(mut sample: Vec<DVec3>) -> DVec3 {
     sample.retain(|position| position.is_finite());
     let along = |axis: usize| median(sample.iter().map(|p| p[axis]).collect(), f64::total_cmp);
@@ -114,8 +121,8 @@ pub(crate) fn origin_of(mut sample: Vec<DVec3>) -> DVec3 {
     }
 }
 
-/// The origin of a scene with this middle and size: zero, unless f32 lacks the digits for detail at that
-/// distance. Whole numbers, so that adding them back is exact.
+/// The origin of a scene with this middle and size: zero, unless f32 lacks the digits for detail at
+/// that distance. Whole numbers, so that adding them back is exact.
 pub fn far_origin(middle: DVec3, size: f64) -> DVec3 {
     if middle.is_finite() && middle.length() > TIMES_SIZE * size {
         middle.round()
@@ -138,7 +145,11 @@ pub(super) struct FarPositions {
 }
 
 impl FarPositions {
-    /// Reserves memory for `count` positions. Errors as for [`Limits::reserve`].
+    /// Reserves memory for `count` positions.
+    ///
+    /// # Errors
+    ///
+    /// As for [`Limits::reserve`].
     pub(super) fn reserve(
         &mut self,
         limits: &Limits,

@@ -1,5 +1,5 @@
-//! The formats that are read: recognised by their first bytes, and by their name only where the bytes are
-//! ambiguous.
+//! The formats that are read: recognised by their first bytes, and by their name only where the
+//! bytes are ambiguous.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -113,7 +113,7 @@ fn first_line(text: &[u8]) -> &[u8] {
         .unwrap_or_default()
 }
 
-// ---- Files of 3D Gaussian splatting (Kerbl et al. 2023), which hold no triangles ----------------------
+// ---- Files of 3D Gaussian splatting (Kerbl et al. 2023), which hold no triangles ----------------
 
 /// The extension of glTF that holds them.
 pub(crate) const GLTF_EXTENSION: &str = "KHR_gaussian_splatting";
@@ -126,7 +126,8 @@ pub(crate) const SPLAT: &str = ".splat";
 /// The names of formats that have none.
 pub(crate) const UNREAD: [&str; 2] = [".ksplat", "LCC"];
 
-/// The refusal of a file of Gaussians where triangles are wanted; `kind` is the usual name of the format.
+/// The refusal of a file of Gaussians where triangles are wanted; `kind` is the usual name of the
+/// format.
 pub(crate) fn refusal(path: &Path, kind: &str) -> Error {
     let reason = format!(
         "holds 3D Gaussians ({kind}), blurred ellipsoids instead of triangles; `trisplat bake` turns them into triangles, and `trisplat info` and \
@@ -146,8 +147,8 @@ pub(crate) fn unread(path: &Path, kind: &str) -> Error {
 
 /// The name of the format when a file that begins with `head` and is called `path` holds Gaussians.
 ///
-/// `.splat` and `.ksplat` have no signature: their name decides, unless the first bytes are those of another
-/// format.
+/// `.splat` and `.ksplat` have no signature: their name decides, unless the first bytes are those
+/// of another format.
 pub(crate) fn recognise(head: &[u8], path: &Path) -> Option<&'static str> {
     let extension =
         path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
@@ -163,7 +164,8 @@ pub(crate) fn recognise(head: &[u8], path: &Path) -> Option<&'static str> {
     }
 }
 
-/// Whether an archive of entries with these names is a scene in SOG: pictures of the Gaussians' parameters.
+/// Whether an archive of entries with these names is a scene in SOG: pictures of the Gaussians'
+/// parameters.
 pub(crate) fn is_sog(entries: &[String]) -> bool {
     let has = |file: &str| entries.iter().any(|name| name.rsplit('/').next() == Some(file));
     has("meta.json") && (has("means_l.webp") || has("means_l.png"))
@@ -177,7 +179,7 @@ pub(crate) fn are_parameters(tensors: &[String]) -> bool {
     has(["quats", "_rotation"]) && has(["scales", "_scaling"])
 }
 
-// ---- JSON files that are neither scenes nor lists of photos, recognised for a helpful message --------
+// ---- JSON files that are neither scenes nor lists of photos, recognised for a helpful message
 
 /// The refusal of a JSON file in place of a scene or a list of photos; `None` for an unknown kind.
 pub fn foreign_json(path: &Path, json: &[u8]) -> Option<Error> {

@@ -8,7 +8,8 @@
 //! ...
 //! ```
 //!
-//! The blocks are the GLB in order. A browser, like our reader, decodes each while it reads the next.
+//! The blocks are the GLB in order. A browser, like our reader, decodes each while it reads the
+//! next.
 
 use crate::gltf::{self as gltf, GltfOptions, Written};
 use crate::{Format, Source};
@@ -28,7 +29,8 @@ const BLOCK_BYTES: usize = 3 << 20;
 /// Longer lines do not belong to this format.
 const MAX_LINE_BYTES: u64 = 1 << 25;
 
-/// Writes the page of `asset`, with its `sky` as media type and bytes, and returns what was written; `path` is for messages.
+/// Writes the page of `asset`, with its `sky` as media type and bytes, and returns what was
+/// written; `path` is for messages.
 ///
 /// # Errors
 /// As [`gltf::write_glb`].
@@ -109,7 +111,8 @@ pub(super) fn inside(format: Format, source: Source) -> Result<(Format, Source)>
 /// The GLB of a page, in a temporary file.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for a page that does not hold a scene, [`Error::Malformed`] for one that is damaged.
+/// [`Error::Unsupported`] for a page that does not hold a scene, [`Error::Malformed`] for one that
+/// is damaged.
 fn unpack(source: Source) -> Result<Source> {
     let io = |e| Error::io(&source.path, e);
     let mut page = BufReader::with_capacity(1 << 20, &*source.file);

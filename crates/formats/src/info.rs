@@ -89,7 +89,8 @@ pub enum SceneKind {
 /// The loss of a scene when its triangles are just made solid.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Softness {
-    /// Mean PSNR of the solid triangles against the scene's soft pictures, dB. Above some 35 dB they look alike.
+    /// Mean PSNR of the solid triangles against the scene's soft pictures, dB. Above some 35 dB
+    /// they look alike.
     pub psnr: f64,
     /// Number of pictures that were compared.
     pub pictures: u64,
@@ -180,8 +181,8 @@ pub struct BakeInfo {
     pub dropped: serde_json::Map<String, serde_json::Value>,
 }
 
-/// The content of a file of triangles or Gaussians at `path`, and the parts of the scene that `options`
-/// select. The caller fills in `bake`.
+/// The content of a file of triangles or Gaussians at `path`, and the parts of the scene that
+/// `options` select. The caller fills in `bake`.
 ///
 /// # Errors
 /// Errors of reading.

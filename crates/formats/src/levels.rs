@@ -1,4 +1,5 @@
-//! Files that make an engine draw each level of detail where it suffices; each engine has its own kind.
+//! Files that make an engine draw each level of detail where it suffices; each engine has its own
+//! kind.
 
 use crate::{lines::quoted, tiles};
 use glam::DVec3;
@@ -41,13 +42,14 @@ impl EngineLevels {
     }
 }
 
-// ---- The levels of a scene for an engine, and the distance at which each suffices --------------------
+// ---- The levels of a scene for an engine, and the distance at which each suffices ---------------
 
 /// Height of the screen that levels are chosen for, px.
 const SCREEN_PX: f64 = 1080.0;
 /// Width of a level's median triangle on that screen at which a finer level takes over, px.
 const TRIANGLE_PX: f64 = 2.0;
-/// Least ratio of the distances at which two levels change: engines need falling heights on the screen.
+/// Least ratio of the distances at which two levels change: engines need falling heights on the
+/// screen.
 pub(super) const APART: f64 = 1.001;
 
 /// A level and its file.
@@ -89,8 +91,8 @@ impl EngineScene {
         Self { files, details, bounds, radius }
     }
 
-    /// The distance from the middle at which each level but the finest begins, for a camera with this tangent
-    /// of half its vertical angle.
+    /// The distance from the middle at which each level but the finest begins, for a camera with
+    /// this tangent of half its vertical angle.
     pub(super) fn distances(&self, tangent: f64) -> Vec<f64> {
         let near = |detail: &f64| detail / TRIANGLE_PX * SCREEN_PX / (2.0 * tangent);
         let mut last = 0.0_f64;
@@ -102,7 +104,7 @@ impl EngineScene {
     }
 }
 
-// ---- A scene of Godot 4 that holds all levels, each drawn within its range of distances --------------
+// ---- A scene of Godot 4 that holds all levels, each drawn within its range of distances ---------
 
 /// Tangent of half the default vertical angle of a `Camera3D`, 75 degrees.
 const CAMERA: f64 = 0.767_327;
@@ -166,7 +168,7 @@ fn line(out: &mut String, text: std::fmt::Arguments<'_>) {
     let _ = writeln!(out, "{text}");
 }
 
-// ---- Scripts that make one object of all levels in the editors of Unity and Unreal -------------------
+// ---- Scripts that make one object of all levels in the editors of Unity and Unreal --------------
 
 /// Tangent of half the default vertical angle of Unity's camera, 60 degrees.
 const UNITY_CAMERA: f64 = 0.577_350;
@@ -205,7 +207,8 @@ pub(super) fn unreal(name: &str, scene: &EngineScene) -> String {
     filled(UNREAL, name, scene, &sizes)
 }
 
-/// A template with the scene in it. What is put in is not searched for keys: names may contain them.
+/// A template with the scene in it. What is put in is not searched for keys: names may contain
+/// them.
 fn filled(template: &str, name: &str, scene: &EngineScene, sizes: &[String]) -> String {
     let files: Vec<String> = scene.files.iter().map(|file| quoted(&file.name)).collect();
     let put = [
@@ -293,7 +296,8 @@ mod godot_tests {
         let ends = numbers("visibility_range_end = ");
         assert_eq!((begins.len(), ends.len()), (2, 1), "{text}");
         assert_eq!(begins[1], ends[0]);
-        // 1080 px, 75 degrees: 703.7 px at a distance of 1, so 0.02 units are 2 px at 7.04; the scene is 3 units nearer.
+        // 1080 px, 75 degrees: 703.7 px at a distance of 1, so 0.02 units are 2 px at 7.04; the
+        // scene is 3 units nearer.
         assert!((begins[0] - 10.037).abs() < 1e-3, "{begins:?}");
         assert_eq!(text.matches("visibility_parent = NodePath(\"../../Lod1/scene\")").count(), 2);
         assert_eq!(
@@ -330,7 +334,8 @@ mod scripts_tests {
 
     #[test]
     fn levels_change_in_unity_and_unreal_where_their_triangles_are_two_pixels_wide() {
-        // 1080 px at 60 degrees: 0.02 units are 2 px wide at 9.353, and the scene is 3 units nearer; its side is 3.464 units.
+        // 1080 px at 60 degrees: 0.02 units are 2 px wide at 9.353, and the scene is 3 units
+        // nearer; its side is 3.464 units.
         let heights = numbers(&unity("a", &cube()), "Heights =");
         assert!((heights[0] - 3.4641 / (2.0 * 12.353 * 0.57735)).abs() < 1e-4, "{heights:?}");
         assert!(heights.len() == 3 && heights[0] > heights[1] && heights[2] == 0.0, "{heights:?}");

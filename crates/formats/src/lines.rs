@@ -10,7 +10,8 @@ use std::sync::Arc;
 use trisplat_scene::input::{self, BYTE_ORDER_MARK};
 use trisplat_scene::{Error, Limits, Provenance, Result, UpAxis, excerpt, parallel};
 
-/// Lines of meshes are far shorter. A longer line means a broken file, and its memory is limited to this.
+/// Lines of meshes are far shorter. A longer line means a broken file, and its memory is limited to
+/// this.
 const LONGEST: u64 = 1 << 16;
 
 pub(super) struct Lines<'a> {
@@ -29,7 +30,8 @@ impl<'a> Lines<'a> {
         Ok(Self { path: &source.path, reader, line: Vec::new(), number: 0 })
     }
 
-    /// Moves on to the next line; false at the end of the file. A line that ends with `\` goes on in the next one.
+    /// Moves on to the next line; false at the end of the file. A line that ends with `\` goes on
+    /// in the next one.
     pub(super) fn advance(&mut self) -> Result<bool> {
         self.line.clear();
         loop {
@@ -111,7 +113,7 @@ pub(super) fn number<T: FromStr>(word: &str) -> Result<T, String> {
     word.parse().map_err(|_| format!("{:?} is not a number", excerpt(word)))
 }
 
-// ---- Numbers as text, in as few digits as read back equal --------------------------------------------
+// ---- Numbers as text, in as few digits as read back equal ---------------------------------------
 
 /// Appends `value`.
 pub(super) fn push_float(block: &mut Vec<u8>, value: f32) {
@@ -126,7 +128,7 @@ pub(super) fn push_integer(block: &mut Vec<u8>, value: u64) {
     let _ = write!(block, "{value}");
 }
 
-// ---- Rows formatted on all threads, written in order -------------------------------------------------
+// ---- Rows formatted on all threads, written in order --------------------------------------------
 
 /// Rows per thread and block.
 const ROWS: usize = 1 << 13;
@@ -154,7 +156,7 @@ pub(super) fn write_blocks(
     Ok(())
 }
 
-// ---- Names in text ------------------------------------------------------------------------------------
+// ---- Names in text ------------------------------------------------------------------------------
 
 /// True where a language may end a line, or show text in another order.
 pub(super) fn breaks_text(c: char) -> bool {
@@ -172,12 +174,12 @@ fn on_one_line(json: &str) -> String {
     json.chars().map(escaped).collect()
 }
 
-// ---- The provenance of a scene, as one comment line of a PLY or OBJ file -----------------------------
+// ---- The provenance of a scene, as one comment line of a PLY or OBJ file ------------------------
 
 const KEY: &str = "trisplat ";
 
-/// The comment's text, without the format's comment sign and without a line break. Empty when only defaults
-/// are known.
+/// The comment's text, without the format's comment sign and without a line break. Empty when only
+/// defaults are known.
 pub(super) fn to_comment(provenance: &Provenance) -> String {
     if *provenance == Provenance::default() {
         return String::new();
@@ -188,8 +190,8 @@ pub(super) fn to_comment(provenance: &Provenance) -> String {
         .unwrap_or_default()
 }
 
-/// The provenance in the comments. A broken comment of ours becomes a warning, not an error, because the
-/// triangles are valid without it.
+/// The provenance in the comments. A broken comment of ours becomes a warning, not an error,
+/// because the triangles are valid without it.
 pub(super) fn from_comments<'a>(
     comments: impl Iterator<Item = &'a str>,
     warnings: &mut Vec<String>,
@@ -216,7 +218,8 @@ pub(super) fn from_comments<'a>(
     Provenance { up, ..Provenance::default() }
 }
 
-/// The up axis in a comment of another program: "Vertical Axis: z" (nerfstudio), "Vertical axis: 0 -1 0" (brush), "up_axis = +Y", "Z-up".
+/// The up axis in a comment of another program: "Vertical Axis: z" (nerfstudio), "Vertical axis: 0
+/// -1 0" (brush), "up_axis = +Y", "Z-up".
 fn up_axis(comment: &str) -> Option<UpAxis> {
     const NAMES: [&str; 5] = ["vertical axis", "up axis", "up_axis", "upaxis", "up"];
     let text = comment.trim().to_lowercase();

@@ -98,8 +98,9 @@ impl Materials {
         }
     }
 
-    /// Gives `mesh` the pictures of its materials, with the given texture coordinates, and their colours if it has none. Returns whether any
-    /// material had a colour or picture. Materials are per triangle. `[F]`
+    /// Gives `mesh` the pictures of its materials, with the given texture coordinates, and their
+    /// colours if it has none. Returns whether any material had a colour or picture. Materials are
+    /// per triangle. `[F]`
     pub(crate) fn apply(
         &self,
         mesh: &mut Mesh,
@@ -200,7 +201,8 @@ impl Materials {
     }
 }
 
-/// The pictures of materials, each read once, however many materials name it and by whichever names.
+/// The pictures of materials, each read once, however many materials name it and by whichever
+/// names.
 #[derive(Debug, Default)]
 struct Pictures {
     numbers: BTreeMap<String, usize>,
@@ -247,7 +249,8 @@ pub fn named_files(source: &Source, limits: &Limits) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// The names of all pictures in a library, also of kinds that are not read: of bumps, reflections and so on.
+/// The names of all pictures in a library, also of kinds that are not read: of bumps, reflections
+/// and so on.
 fn pictures(library: &Path, options: &ReadOptions) -> Result<Vec<String>> {
     let source = as_utf8(&Source::open(library, &options.limits)?, &options.limits)?;
     let mut lines = Lines::new(&source)?;
@@ -261,8 +264,8 @@ fn pictures(library: &Path, options: &ReadOptions) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// The path of a file that the OBJ or PLY at `path` names, or of one whose name differs in case only. One that is not there, such as
-/// `C:\wall.png` of another machine, is looked for beside it.
+/// The path of a file that the OBJ or PLY at `path` names, or of one whose name differs in case
+/// only. One that is not there, such as `C:\wall.png` of another machine, is looked for beside it.
 pub(crate) fn found(path: &Path, name: &str, options: &ReadOptions) -> Result<PathBuf> {
     let refuse = |why: &str| Err(Error::unsupported(path, format!("it names {name:?}, {why}")));
     if path.as_os_str() == "-" {
@@ -287,7 +290,8 @@ pub(crate) fn found(path: &Path, name: &str, options: &ReadOptions) -> Result<Pa
     }
 }
 
-/// The path of `relative` in `folder`, with the case that its parts have on disk where they exist in another.
+/// The path of `relative` in `folder`, with the case that its parts have on disk where they exist
+/// in another.
 fn in_any_case(folder: &Path, relative: &Path) -> PathBuf {
     let mut path = folder.to_owned();
     for part in relative.components() {
@@ -392,7 +396,8 @@ fn laid(text: &str) -> MaterialPicture {
     picture
 }
 
-/// The warning about colours of vertices or faces beside a picture: programs that write both draw the picture alone.
+/// The warning about colours of vertices or faces beside a picture: programs that write both draw
+/// the picture alone.
 pub(crate) const OVER_COLORS: &str =
     "faces with a picture show it without the colours that the file has too";
 

@@ -1,9 +1,9 @@
-//! Wavefront OBJ with vertex colours, `v x y z r g b`, sRGB-encoded as usual, or with the picture of a
-//! material: read and written.
+//! Wavefront OBJ with vertex colours, `v x y z r g b`, sRGB-encoded as usual, or with the picture
+//! of a material: read and written.
 //!
-//! The crate `tobj` is not used: it shifts colours when only some vertices have one, cuts every polygon as if
-//! it were convex, and does not name the faulty line. Our tests compare with it, and one of them fails when
-//! its colours are fixed.
+//! The crate `tobj` is not used: it shifts colours when only some vertices have one, cuts every
+//! polygon as if it were convex, and does not name the faulty line. Our tests compare with it, and
+//! one of them fails when its colours are fixed.
 
 use crate::faces::{Clamped, Faces, PlacedCorners};
 use crate::finish::{FarPositions, finish};
@@ -21,11 +21,13 @@ use trisplat_scene::{Asset, Error, FaceTexture, ImportedScene, Result, Scene, ex
 
 pub use crate::mtl::named_files;
 
-/// The mesh in an OBJ file: all objects and groups as one, vertex colours made linear, white where a vertex
-/// has none, polygons as triangles. Without vertex colours it has those of its materials, or their picture if
-/// one paints the whole mesh. Normals, lines and points are skipped.
+/// The mesh in an OBJ file: all objects and groups as one, vertex colours made linear, white where
+/// a vertex has none, polygons as triangles. Without vertex colours it has those of its materials,
+/// or their picture if one paints the whole mesh. Normals, lines and points are skipped.
 ///
-/// Errors: `Malformed` with the line for broken numbers, corners without a vertex, and faces of fewer than
+/// # Errors
+///
+/// `Malformed` with the line for broken numbers, corners without a vertex, and faces of fewer than
 /// three corners.
 pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     let source = as_utf8(&source, &options.limits)?;
@@ -106,7 +108,8 @@ impl ObjDraft {
         }
     }
 
-    /// `x y z`, then nothing, a weight (which only curves use), a colour, or a colour and its alpha.
+    /// `x y z`, then nothing, a weight (which only curves use), a colour, or a colour and its
+    /// alpha.
     fn take_vertex<'w>(&mut self, words: impl Iterator<Item = &'w str>) -> Result<(), String> {
         let mut row = [0.0f64; 7];
         let mut count = 0;
@@ -233,12 +236,13 @@ impl ObjDraft {
     }
 }
 
-/// Writes an OBJ to `out`, with sRGB vertex colours or with the texture whose picture is called `picture`, and its material to `mtl`, which
-/// `out` names as `mtl_name`. Numbers are the shortest that read back equal.
+/// Writes an OBJ to `out`, with sRGB vertex colours or with the texture whose picture is called
+/// `picture`, and its material to `mtl`, which `out` names as `mtl_name`. Numbers are the shortest
+/// that read back equal.
 ///
-/// With colours per face, each triangle gets three vertices of its own. OBJ has no opacity at vertices, so
-/// none is written. Normals, where the mesh has them, are one for each face. The faces of a backdrop come
-/// last, in a group of that name. Errors are those of `out` and `mtl`.
+/// With colours per face, each triangle gets three vertices of its own. OBJ has no opacity at
+/// vertices, so none is written. Normals, where the mesh has them, are one for each face. The faces
+/// of a backdrop come last, in a group of that name. Errors are those of `out` and `mtl`.
 pub fn write(
     out: &mut dyn Write,
     mtl: &mut dyn Write,
@@ -354,8 +358,8 @@ fn push_vertex(block: &mut Vec<u8>, position: Vec3, linear: [f32; 3]) {
     block.push(b'\n');
 }
 
-/// An sRGB-encoded channel. A value from an 8-bit code is written as exactly that code, because engines that
-/// truncate would otherwise show the code below it.
+/// An sRGB-encoded channel. A value from an 8-bit code is written as exactly that code, because
+/// engines that truncate would otherwise show the code below it.
 fn push_srgb(block: &mut Vec<u8>, linear: f32) {
     static CODES: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
         let text = |code: u8| {

@@ -7,8 +7,8 @@
 //! 3 0 1 2 62 51 51 255            number of corners, corners, and perhaps r g b [a]
 //! ```
 //!
-//! The format has no σ and its exporter drops opacity, so triangles are read as solid; an alpha below 1 at a
-//! face becomes opacity.
+//! The format has no σ and its exporter drops opacity, so triangles are read as solid; an alpha
+//! below 1 at a face becomes opacity.
 
 use crate::faces::{Clamped, Faces, check_corners};
 use crate::finish::{FarPositions, finish};
@@ -23,10 +23,13 @@ use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene, ex
 /// Bytes of the shortest lines: `0 0 0` and `3 0 1 2`.
 const SHORTEST: (u64, u64) = (6, 8);
 
-/// The mesh in an OFF or COFF file, with the file's indices, linear colours, and polygons cut into triangles.
+/// The mesh in an OFF or COFF file, with the file's indices, linear colours, and polygons cut into
+/// triangles.
 ///
-/// Errors: `Malformed` with the line for broken text, bad corner numbers and faces of fewer than three corners; `Unsupported` for binary
-/// OFF and the variants with normals, texture or four dimensions.
+/// # Errors
+///
+/// `Malformed` with the line for broken text, bad corner numbers and faces of fewer than three
+/// corners; `Unsupported` for binary OFF and the variants with normals, texture or four dimensions.
 pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     let mut lines = Lines::new(&source)?;
     let limits = &options.limits;
@@ -77,7 +80,8 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     finish(&source.path, loaded, origin)
 }
 
-/// Names a checkpoint in the folder of an OFF file: the authors' scripts make OFF files of such, without softness.
+/// Names a checkpoint in the folder of an OFF file: the authors' scripts make OFF files of such,
+/// without softness.
 fn softness_beside(path: &Path) -> Option<String> {
     let folder = path.parent().filter(|_| path.as_os_str() != "-")?;
     let is_checkpoint =
@@ -181,8 +185,8 @@ fn read_corners(
     colors.push(words)
 }
 
-/// Colours of the file. Their scale, 0 to 255 or 0 to 1, is known only at the end: `1 1 0` is yellow in a
-/// file of floats and nearly black in one of integers.
+/// Colours of the file. Their scale, 0 to 255 or 0 to 1, is known only at the end: `1 1 0` is
+/// yellow in a file of floats and nearly black in one of integers.
 #[derive(Default)]
 struct FileColors {
     rows: Vec<Option<FileColor>>,

@@ -1,4 +1,5 @@
-//! The files of an asset: options, formats and a plan of all. They are written, then renamed together.
+//! The files of an asset: options, formats and a plan of all. They are written, then renamed
+//! together.
 
 mod encode;
 
@@ -36,8 +37,8 @@ pub struct OutputOptions {
     /// Write GLB files above 2 GiB, which Unity and browsers refuse.
     #[cfg_attr(feature = "cli", arg(skip = OutputOptions::DEFAULT.allow_huge))]
     pub allow_huge: bool,
-    /// 3D Tiles: most tiles in one tileset.json, 5 or more; of a larger tree, parts become tilesets of their own, which viewers load when
-    /// they come near
+    /// 3D Tiles: most tiles in one tileset.json, 5 or more; of a larger tree, parts become tilesets
+    /// of their own, which viewers load when they come near
     #[cfg_attr(feature = "cli", arg(skip = OutputOptions::DEFAULT.tileset_tiles))]
     #[schemars(range(min = 5, max = 1_000_000_000))]
     pub tileset_tiles: u32,
@@ -68,7 +69,8 @@ impl OutputOptions {
         GltfOptions { texture: self.texture_format, allow_huge: self.allow_huge, ..encoding }
     }
 
-    /// The glTF options of our own page: it reads everything, so it is compressed, without loss by default.
+    /// The glTF options of our own page: it reads everything, so it is compressed, without loss by
+    /// default.
     fn page_encoding(&self, details: &mut WriteDetails) -> GltfOptions {
         let other = !matches!(self.target, OutputTarget::Gltf | OutputTarget::Web);
         let notes = other
@@ -90,7 +92,8 @@ impl OutputOptions {
     Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
 pub struct WriteDetails {
-    /// Steps for opening the file in the target, one sentence each; absent for formats without targets.
+    /// Steps for opening the file in the target, one sentence each; absent for formats without
+    /// targets.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub notes: Option<Vec<String>>,
     /// Largest error of a written position, in units of the file; absent when none moved.
@@ -134,7 +137,9 @@ impl OutputFormat {
 
     /// By the ending of `path`.
     ///
-    /// Errors: a name without a known ending.
+    /// # Errors
+    ///
+    /// A name without a known ending.
     pub fn of(path: &Path) -> Result<Self> {
         let ending =
             path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
@@ -222,10 +227,12 @@ pub struct Output {
 }
 
 impl Output {
-    /// The files of a scene and all files beside it, planned before any work; `format` decides if the name of
-    /// `path` does not. Standard output can take only one file.
+    /// The files of a scene and all files beside it, planned before any work; `format` decides if
+    /// the name of `path` does not. Standard output can take only one file.
     ///
-    /// Errors: a name without a known ending; an output that cannot have files beside it.
+    /// # Errors
+    ///
+    /// A name without a known ending; an output that cannot have files beside it.
     pub fn of_scene(
         path: &Path,
         format: Option<OutputFormat>,
@@ -323,7 +330,8 @@ impl Output {
         Self::plan(&path, Some(self.format), options)
     }
 
-    /// OUT.ENDING; `what` names the content in the error for outputs that cannot have files beside them.
+    /// OUT.ENDING; `what` names the content in the error for outputs that cannot have files beside
+    /// them.
     fn beside(&self, ending: &str, what: &str) -> Result<PathBuf> {
         let alone =
             matches!(self.format, OutputFormat::Html | OutputFormat::Tiles | OutputFormat::Usdz);
@@ -375,9 +383,12 @@ impl Output {
         beside.chain(parts).chain(last).flatten().collect()
     }
 
-    /// Starts every file. From here on no other program writes them, and unwritable outputs have failed.
+    /// Starts every file. From here on no other program writes them, and unwritable outputs have
+    /// failed.
     ///
-    /// Errors: those of the operating system; another program that writes one of them.
+    /// # Errors
+    ///
+    /// Those of the operating system; another program that writes one of them.
     pub fn start(&self) -> Result<OutputFiles> {
         let start = |path| AtomicFile::create(path);
         self.publishing_order().into_iter().map(start).collect::<Result<_>>().map(OutputFiles)

@@ -18,11 +18,15 @@ mod splats;
 mod table;
 mod transcode;
 
-/// The scene in a PLY file: a soup when its faces have a `sigma`, else a mesh with its sRGB colours made
-/// linear, alpha (of a face, or the least of its corners) as opacity, and polygons as triangles.
+/// The scene in a PLY file: a soup when its faces have a `sigma`, else a mesh with its sRGB colours
+/// made linear, alpha (of a face, or the least of its corners) as opacity, and polygons as
+/// triangles.
 ///
-/// Only data that `options` select are kept. Errors: `Malformed` for a broken file, naming the place;
-/// `Unsupported` for Gaussians and point clouds.
+/// Only data that `options` select are kept.
+///
+/// # Errors
+///
+/// `Malformed` for a broken file, naming the place; `Unsupported` for Gaussians and point clouds.
 pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     let header = header::read(&mut source)?;
     let path = &source.path;
@@ -57,7 +61,9 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
 
 /// Whether a PLY holds Gaussians instead of triangles.
 ///
-/// Errors: a broken header.
+/// # Errors
+///
+/// A broken header.
 pub fn holds_splats(source: &mut Source) -> Result<bool> {
     let header = header::read(source)?;
     source.rewind()?;
@@ -67,7 +73,9 @@ pub fn holds_splats(source: &mut Source) -> Result<bool> {
 
 /// The Gaussians in a PLY file, plain or compressed.
 ///
-/// Errors: `Malformed` for a broken file, naming the place.
+/// # Errors
+///
+/// `Malformed` for a broken file, naming the place.
 pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
     let header = header::read(&mut source)?;
     let mut warnings = Vec::new();

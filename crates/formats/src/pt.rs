@@ -16,12 +16,12 @@
 //!                        vertex_weight [V, 1]         opacity logit over a floor that the file does not hold
 //! ```
 //!
-//! A successor's mesh is read as solid: the floor under `vertex_weight` rises to 0.9999 during training, so
-//! every face of a finished run is opaque. For an unfinished run, recognised by its σ, the floor is unknown,
-//! and a warning says so.
+//! A successor's mesh is read as solid: the floor under `vertex_weight` rises to 0.9999 during
+//! training, so every face of a finished run is opaque. For an unfinished run, recognised by its σ,
+//! the floor is unknown, and a warning says so.
 //!
-//! Unpickling executes nothing: `pytorch-reader` interprets the calls that rebuild tensors and keeps every
-//! other one as an opaque name. `check_archive` checks the rest.
+//! Unpickling executes nothing: `pytorch-reader` interprets the calls that rebuild tensors and
+//! keeps every other one as an opaque name. `check_archive` checks the rest.
 
 use crate::finish::finish;
 use crate::source::is_packed;
@@ -41,12 +41,12 @@ use trisplat_scene::{
     Error, ImportedScene, Limits, Provenance, Result, Scene, Soup, input, rgb_from_sh0,
 };
 
-/// Largest `data.pkl` to parse. Real ones hold a few names and shapes (under 2 KiB). Every byte can cost the
-/// parser about 100 bytes of stack, and a deflated file can claim any size.
+/// Largest `data.pkl` to parse. Real ones hold a few names and shapes (under 2 KiB). Every byte can
+/// cost the parser about 100 bytes of stack, and a deflated file can claim any size.
 const MAX_PICKLE_BYTES: u64 = 1 << 20;
 
-/// σ that Triangle Splatting+ and MeshSplatting reach at the end of training is 1e-4; above this the
-/// run was cut short.
+/// σ that Triangle Splatting+ and MeshSplatting reach at the end of training is 1e-4; above this
+/// the run was cut short.
 const UNFINISHED_SIGMA: f64 = 0.01;
 
 const RESAVE: &str = "load it in PyTorch 1.6 or later and torch.save it again";
@@ -56,8 +56,8 @@ const RESAVE: &str = "load it in PyTorch 1.6 or later and torch.save it again";
 /// SH above `options.sh_degree` stays on disk.
 ///
 /// # Errors
-/// `Unsupported` for other files than zip checkpoints, or without triangles; `Malformed` for shapes and sizes
-/// that do not match each other or the file.
+/// `Unsupported` for other files than zip checkpoints, or without triangles; `Malformed` for shapes
+/// and sizes that do not match each other or the file.
 pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     check_archive(&mut source)?;
     let file = TorchFile::open(&mut source, options.limits)?;
@@ -98,8 +98,8 @@ fn read_soup(file: &TorchFile, n: usize, options: &ReadOptions) -> Result<Import
     })
 }
 
-/// Coefficients of every triangle, degree 0 first, and the degree: the lowest of the requested one, the one
-/// reached by training, and that of the file.
+/// Coefficients of every triangle, degree 0 first, and the degree: the lowest of the requested one,
+/// the one reached by training, and that of the file.
 fn read_sh(file: &TorchFile, n: usize, wanted: u8) -> Result<(Vec<[f32; 3]>, u8)> {
     let dc: Vec<[f32; 3]> = file.values("features_dc", DType::F32, &[&[n, 1, 3], &[n, 3]])?;
     if wanted == 0 || file.shape("features_rest").is_err() {
@@ -297,8 +297,9 @@ impl TorchFile {
     }
 }
 
-/// Refuses files that would make the parser allocate more than their size: entries that claim more bytes than
-/// the file has (deflated bombs, sparse files) and an oversized `data.pkl`. `torch.save` compresses nothing.
+/// Refuses files that would make the parser allocate more than their size: entries that claim more
+/// bytes than the file has (deflated bombs, sparse files) and an oversized `data.pkl`. `torch.save`
+/// compresses nothing.
 fn check_archive(source: &mut Source) -> Result<()> {
     let path = source.path.clone();
     let head = source.head()?;

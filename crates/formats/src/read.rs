@@ -10,7 +10,8 @@ use trisplat_scene::input::{self, guarded};
 use trisplat_scene::report::{OutputReport, Report};
 use trisplat_scene::{Asset, Error, ImportedScene, ImportedSplats, Limits, Result, Splats};
 
-/// The format of an open file; otherwise an error that names its first bytes and the accepted formats.
+/// The format of an open file; otherwise an error that names its first bytes and the accepted
+/// formats.
 pub(super) fn detect(source: &mut Source) -> Result<Format> {
     let head = source.head()?;
     let named = source.named();
@@ -120,7 +121,7 @@ fn preview(head: &[u8]) -> String {
     }
 }
 
-// ---- Triangles or Gaussians ---------------------------------------------------------------------------
+// ---- Triangles or Gaussians ---------------------------------------------------------------------
 
 /// What a file holds.
 #[derive(Debug, Clone, PartialEq)]
@@ -132,7 +133,8 @@ pub enum Content {
 }
 
 impl Content {
-    /// The triangles to display, and the Gaussians that they stand for: see [`ImportedSplats::stand_in`].
+    /// The triangles to display, and the Gaussians that they stand for: see
+    /// [`ImportedSplats::stand_in`].
     pub fn stand_in(self) -> (ImportedScene, Option<Splats>) {
         match self {
             Self::Scene(loaded) => (loaded, None),
@@ -141,8 +143,8 @@ impl Content {
     }
 }
 
-/// The triangles or Gaussians in the file at `path`; "-" is standard input. [`read`](crate::read()) refuses Gaussians. These come with
-/// all their spherical harmonics, because they are drawn.
+/// The triangles or Gaussians in the file at `path`; "-" is standard input. [`read`](crate::read())
+/// refuses Gaussians. These come with all their spherical harmonics, because they are drawn.
 ///
 /// # Errors
 /// Errors of the format's reader, or an unknown format.
@@ -155,8 +157,8 @@ pub fn read_content(path: &Path, options: &ReadOptions) -> Result<Content> {
     }
 }
 
-/// Whether the file at `path` holds Gaussians that are read, by its first bytes. A file that cannot be read holds none, nor does standard input,
-/// which is read once.
+/// Whether the file at `path` holds Gaussians that are read, by its first bytes. A file that cannot
+/// be read holds none, nor does standard input, which is read once.
 pub fn holds_splats(path: &Path, limits: &Limits) -> bool {
     if path.as_os_str() == "-" {
         return false;
@@ -203,7 +205,7 @@ pub(super) fn read_splats(
     })
 }
 
-// ---- The plain case of writing: an asset and a file name ---------------------------------------------
+// ---- The plain case of writing: an asset and a file name ----------------------------------------
 
 /// What [`write()`] wrote.
 #[derive(Debug, Clone, PartialEq)]
@@ -214,11 +216,12 @@ pub struct WrittenFiles {
     pub warnings: Vec<String>,
 }
 
-/// Writes an asset in the format of the ending of `path`: .glb, .gltf, .obj, .ply, .usdz, .html or .tileset.json.
+/// Writes an asset in the format of the ending of `path`: .glb, .gltf, .obj, .ply, .usdz, .html or
+/// .tileset.json.
 ///
-/// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ and the picture of its
-/// texture, a separate backdrop or panorama, a collider, levels of detail and their tileset. They get their names
-/// when all of them are complete. Existing files are replaced.
+/// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ and the picture of
+/// its texture, a separate backdrop or panorama, a collider, levels of detail and their tileset.
+/// They get their names when all of them are complete. Existing files are replaced.
 ///
 /// ```
 /// use trisplat_scene::Asset;
@@ -240,8 +243,8 @@ pub struct WrittenFiles {
 /// ```
 ///
 /// # Errors
-/// `Invalid` for a name without a known ending, or standard output for several files; `TooLarge` for a scene
-/// that exceeds the format; `Io`.
+/// `Invalid` for a name without a known ending, or standard output for several files; `TooLarge`
+/// for a scene that exceeds the format; `Io`.
 pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<WrittenFiles> {
     let beside = SideFiles {
         levels: asset.levels.len(),
@@ -256,10 +259,10 @@ pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<Writ
     Ok(WrittenFiles { files: report.outputs, warnings: report.warnings })
 }
 
-// ---- The files that the file of a scene names: buffers, pictures, materials, cameras ------------------
+// ---- The files that the file of a scene names: buffers, pictures, materials, cameras ------------
 
-/// The files that the scene at `path` names, whether they exist or not. A file that cannot be read names none: its
-/// reader reports the fault.
+/// The files that the scene at `path` names, whether they exist or not. A file that cannot be read
+/// names none: its reader reports the fault.
 pub fn named_files(path: &Path, limits: &Limits) -> Vec<PathBuf> {
     let mut files =
         Vec::from_iter(splats::cameras::beside(path).filter(|_| holds_splats(path, limits)));

@@ -12,8 +12,9 @@ pub(crate) const ACCEPTED: &str = "a soup, mesh or Gaussian splats (.ply), .spla
 /// The list of an unzipped SOG.
 const SOG_LIST: &str = "meta.json";
 
-/// A file to read: a label for messages, an open handle and its length. Standard input ("-") is spooled to a
-/// temporary file first, so that every reader may seek, and may compare counts with the real length.
+/// A file to read: a label for messages, an open handle and its length. Standard input ("-") is
+/// spooled to a temporary file first, so that every reader may seek, and may compare counts with
+/// the real length.
 #[derive(Debug)]
 pub struct Source {
     /// The path as the user gave it; "-" for standard input.
@@ -25,8 +26,8 @@ pub struct Source {
 }
 
 impl Source {
-    /// Opens `path`; "-" is standard input. Folders, devices and pipes are errors, except for an unzipped SOG, given by its folder or its
-    /// `meta.json`, which is zipped again.
+    /// Opens `path`; "-" is standard input. Folders, devices and pipes are errors, except for an
+    /// unzipped SOG, given by its folder or its `meta.json`, which is zipped again.
     pub fn open(path: &Path, limits: &Limits) -> Result<Self> {
         if let Some(folder) = unzipped_sog(path) {
             let (file, len) = zipped(&folder, limits)?;
@@ -197,12 +198,14 @@ pub(crate) fn damaged(path: &Path, error: Error, place: &str, test: &str) -> Err
 /// The first bytes of a gzip file.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
-// ---- What the caller will use of a file, and the limits that apply to it -----------------------------
+// ---- What the caller will use of a file, and the limits that apply to it ------------------------
 
-/// The parts of a file to load, and the limits for it. By default everything, within the default limits.
+/// The parts of a file to load, and the limits for it. By default everything, within the default
+/// limits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ReadOptions {
-    /// Highest degree of spherical harmonics to load, 0 to 3; the bake asks for 0. The rest is skipped on disk.
+    /// Highest degree of spherical harmonics to load, 0 to 3; the bake asks for 0. The rest is
+    /// skipped on disk.
     pub sh_degree: u8,
     /// Limits on the file.
     pub limits: Limits,

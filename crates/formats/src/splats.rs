@@ -1,6 +1,7 @@
 //! What readers of Gaussian splats share, and the format `.splat`.
 //!
-//! Arrays within limits, conversions, and the end of every reader. Readers of other formats: [`sog`], [`spz`], [`crate::ply`], [`crate::gltf`].
+//! Arrays within limits, conversions, and the end of every reader. Readers of other formats:
+//! [`sog`], [`spz`], [`crate::ply`], [`crate::gltf`].
 
 use crate::finish::note_origin;
 use crate::{ReadOptions, Source};
@@ -64,9 +65,12 @@ pub(crate) fn sh0(channel: f64) -> f32 {
     ((channel - 0.5) / f64::from(SH_C0)) as f32
 }
 
-/// The Gaussians without those that are not finite, which a warning counts. `origin` was subtracted from their positions.
+/// The Gaussians without those that are not finite, which a warning counts. `origin` was subtracted
+/// from their positions.
 ///
-/// Errors: none are left; numbers out of range.
+/// # Errors
+///
+/// None are left; numbers out of range.
 pub(crate) fn finish(
     path: &Path,
     mut splats: Splats,
@@ -100,7 +104,7 @@ pub(crate) fn finish(
     Ok(ImportedSplats { splats, provenance, warnings, cameras: Vec::new() })
 }
 
-// ---- `.splat` (antimatter15/splat): 32 bytes per Gaussian, without a header --------------------------
+// ---- `.splat` (antimatter15/splat): 32 bytes per Gaussian, without a header ---------------------
 
 const BYTES: usize = 32;
 

@@ -59,7 +59,8 @@ struct TargetRow {
 }
 
 const LINEAR: ColorEncoding = ColorEncoding::U16Linear;
-/// Godot reads vertex colours of materials with this ending as sRGB, and drops the ending on import.
+/// Godot reads vertex colours of materials with this ending as sRGB, and drops the ending on
+/// import.
 const GODOT_MATERIAL: &str = "trisplat-vcol";
 /// Godot makes a static body from the mesh of a node with this ending, and does not draw it.
 const GODOT_COLLISION: &str = "collision-colonly";
@@ -138,7 +139,8 @@ impl OutputTarget {
         }
     }
 
-    /// How to write a GLB for this target, and notes for the user, one sentence each; `small` asks for the fewest bytes it can read.
+    /// How to write a GLB for this target, and notes for the user, one sentence each; `small` asks
+    /// for the fewest bytes it can read.
     pub(crate) fn encoding(self, small: bool) -> (GltfOptions, Vec<String>) {
         let row = self.row();
         let mut notes: Vec<&str> = row.notes.to_vec();
@@ -178,9 +180,9 @@ impl OutputTarget {
 
     /// Name and content of the file that goes beside `glb_file_name`, for engines that need one.
     ///
-    /// Godot 4 honours and completes an import file that exists before it first sees the GLB. Ours turns off
-    /// features that harm triangle soups: level-of-detail meshes (they delete triangles), tangents, shadow
-    /// meshes, lightmap coordinates and vertex compression.
+    /// Godot 4 honours and completes an import file that exists before it first sees the GLB. Ours
+    /// turns off features that harm triangle soups: level-of-detail meshes (they delete triangles),
+    /// tangents, shadow meshes, lightmap coordinates and vertex compression.
     pub(crate) fn sidecar(self, glb_file_name: &str) -> Option<(String, String)> {
         (self == OutputTarget::Godot).then(|| {
             let source = quoted(&format!("res://{glb_file_name}"));

@@ -1,8 +1,8 @@
-//! The files of a scene in tiles: OUT.tileset.json, and a folder OUT.tiles with one GLB per tile, and with
-//! external tilesets if the tree is too large for one.
+//! The files of a scene in tiles: OUT.tileset.json, and a folder OUT.tiles with one GLB per tile,
+//! and with external tilesets if the tree is too large for one.
 //!
-//! A file's name in the folder holds a hash of its bytes. So an old tileset keeps its tiles until the new one
-//! is published, an unchanged tile keeps its name, and a cache may keep tiles for ever.
+//! A file's name in the folder holds a hash of its bytes. So an old tileset keeps its tiles until
+//! the new one is published, an unchanged tile keeps its name, and a cache may keep tiles for ever.
 
 use crate::gltf::{GltfOptions, from_file_name, to_glb_bytes};
 use glam::DVec3;
@@ -33,7 +33,8 @@ pub(super) fn folder_of(tileset: &Path) -> PathBuf {
     tileset.with_file_name(format!("{}tiles", &name[..stem]))
 }
 
-/// The files of a tileset, with one tile in memory at a time. They are removed unless it is published.
+/// The files of a tileset, with one tile in memory at a time. They are removed unless it is
+/// published.
 #[derive(Debug)]
 pub struct TilesetWriter {
     /// The tileset itself.
@@ -48,10 +49,12 @@ pub struct TilesetWriter {
 }
 
 impl TilesetWriter {
-    /// Begins the tileset `path` with at most `most_tiles` tiles per file; `options` are those of the tiles'
-    /// encoding.
+    /// Begins the tileset `path` with at most `most_tiles` tiles per file; `options` are those of
+    /// the tiles' encoding.
     ///
-    /// Errors: a name that is not of a tileset; I/O.
+    /// # Errors
+    ///
+    /// A name that is not of a tileset; I/O.
     pub fn start(path: &Path, options: GltfOptions, most_tiles: u32) -> Result<Self> {
         if !is_tileset(path) {
             return Err(Error::invalid("output", path.display(), "a name ending in tileset.json"));
@@ -70,14 +73,18 @@ impl TilesetWriter {
 
     /// Writes the tiles of block `index`.
     ///
-    /// Errors: an asset that was not cut into tiles; I/O.
+    /// # Errors
+    ///
+    /// An asset that was not cut into tiles; I/O.
     pub fn block(&mut self, index: usize, asset: &Asset) -> Result<TilesetTile> {
         self.tiles(&format!("b{index}r"), asset, &asset.provenance)
     }
 
     /// Writes all tiles of an asset, and its backdrop beside them.
     ///
-    /// Errors: as [`Self::block`].
+    /// # Errors
+    ///
+    /// As [`Self::block`].
     pub(super) fn scene(&mut self, asset: &Asset) -> Result<TilesetTile> {
         let root =
             self.tiles("r", asset, &Provenance { backdrop: 0, ..asset.provenance.clone() })?;
@@ -98,7 +105,9 @@ impl TilesetWriter {
 
     /// Writes a tile that is drawn instead of `children`, or beside them if it is not `replaced`.
     ///
-    /// Errors: I/O.
+    /// # Errors
+    ///
+    /// I/O.
     pub fn above(
         &mut self,
         name: &str,
@@ -114,16 +123,19 @@ impl TilesetWriter {
 
     /// Writes the tileset itself; returns the folder of the tiles and their bytes.
     ///
-    /// Errors: I/O.
+    /// # Errors
+    ///
+    /// I/O.
     pub fn finish(self, root: TilesetTile) -> Result<(PathBuf, u64)> {
         let (file, keep) = self.written(root)?;
         file.commit()?;
         Ok(keep())
     }
 
-    /// Writes the text of the tileset; subtrees go to external tilesets, so that no file holds more than
-    /// `most_tiles` tiles. Returns its file, and what to call once that is published: it removes the tiles of
-    /// an earlier tileset, and returns the folder of the tiles and their bytes.
+    /// Writes the text of the tileset; subtrees go to external tilesets, so that no file holds more
+    /// than `most_tiles` tiles. Returns its file, and what to call once that is published: it
+    /// removes the tiles of an earlier tileset, and returns the folder of the tiles and their
+    /// bytes.
     pub(super) fn written(
         mut self,
         root: TilesetTile,
@@ -172,7 +184,8 @@ impl TilesetWriter {
         self.put(name, "glb", &bytes)
     }
 
-    /// Writes one file, unless it exists with these bytes; returns its name relative to the tileset.
+    /// Writes one file, unless it exists with these bytes; returns its name relative to the
+    /// tileset.
     fn put(&mut self, name: &str, ending: &str, bytes: &[u8]) -> Result<String> {
         self.bytes += bytes.len() as u64;
         let (_, hash) = put(&self.folder, (name, ending), bytes, Some(&mut self.file))?;
@@ -212,7 +225,7 @@ fn is_tile(name: &str) -> bool {
         }
 }
 
-// ---- The JSON of a tileset (3D Tiles 1.1) ---------------------------------------------------------
+// ---- The JSON of a tileset (3D Tiles 1.1) -------------------------------------------------------
 
 /// A tile: drawn as long as a viewer does not need more detail.
 #[derive(Debug, Clone, PartialEq)]
@@ -230,7 +243,8 @@ pub struct TilesetTile {
 }
 
 impl TilesetTile {
-    /// Levels of a whole scene, the finest first: the coarsest is the root, every finer one the only child of the next.
+    /// Levels of a whole scene, the finest first: the coarsest is the root, every finer one the
+    /// only child of the next.
     pub(crate) fn chain(levels: impl IntoIterator<Item = TilesetTile>) -> Option<Self> {
         levels.into_iter().reduce(|finer, coarser| {
             // A coarser level has at least the error of the finer ones.
@@ -239,10 +253,13 @@ impl TilesetTile {
         })
     }
 
-    /// The same with subtrees in external tilesets, so that no file holds more than `most` tiles, unless one
-    /// tile has more children. `save` writes a tileset for a place in the tree, and returns its address.
+    /// The same with subtrees in external tilesets, so that no file holds more than `most` tiles,
+    /// unless one tile has more children. `save` writes a tileset for a place in the tree, and
+    /// returns its address.
     ///
-    /// Errors: as `save`.
+    /// # Errors
+    ///
+    /// As `save`.
     fn split(
         self,
         most: usize,
@@ -290,8 +307,8 @@ impl TilesetTile {
         Ok(Self { uri, bounds, error, replaced: true, children: Vec::new() })
     }
 
-    /// The same with addresses relative to a file in the folder of this address, which contains all its
-    /// files.
+    /// The same with addresses relative to a file in the folder of this address, which contains all
+    /// its files.
     fn beside(mut self, folder: &str) -> Self {
         self.uri = self.uri.map(|uri| uri.strip_prefix(folder).map(str::to_owned).unwrap_or(uri));
         self.children = self.children.into_iter().map(|child| child.beside(folder)).collect();
@@ -350,7 +367,8 @@ pub fn bounds(mesh: &Mesh, faces: usize) -> Option<[DVec3; 2]> {
     corners.map(|p| [p, p]).reduce(|[low, high], [p, _]| [low.min(p), high.max(p)])
 }
 
-/// Middle and half axes of a box. Tiles are Z-up, glTF in them is Y-up: (x, y, z) becomes (x, -z, y).
+/// Middle and half axes of a box. Tiles are Z-up, glTF in them is Y-up: (x, y, z) becomes (x, -z,
+/// y).
 fn volume(bounds: Option<[DVec3; 2]>) -> [f64; 12] {
     let [low, high] = bounds.unwrap_or_default();
     let middle = (low + high) / 2.0;

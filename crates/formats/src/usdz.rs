@@ -1,7 +1,8 @@
-//! USDZ, which phones show in a room: one mesh as text (`usda`) and the picture of its texture in a zip archive, written only.
+//! USDZ, which phones show in a room: one mesh as text (`usda`) and the picture of its texture in a
+//! zip archive, written only.
 //!
-//! After the specifications of USD's text form, UsdPreviewSurface and USDZ (openusd.org): nothing is compressed, and the bytes of
-//! every file begin at a multiple of 64.
+//! After the specifications of USD's text form, UsdPreviewSurface and USDZ (openusd.org): nothing
+//! is compressed, and the bytes of every file begin at a multiple of 64.
 
 use crate::lines::{push_float, push_integer, write_blocks};
 use glam::Vec2;
@@ -26,7 +27,9 @@ const LIT: &str = "                color3f inputs:diffuseColor.connect = ";
 
 /// Writes an asset, whose texture is the file `picture` of that name, as its mesh without levels.
 ///
-/// Errors: those of `out`.
+/// # Errors
+///
+/// Those of `out`.
 pub(crate) fn write(
     out: &mut dyn Write,
     picture: Option<(&str, &[u8])>,

@@ -11,7 +11,9 @@ const BATCH: usize = 1 << 20;
 
 /// A buffer of `count` elements, element i being `element(i)`. An empty one has space for one.
 ///
-/// Errors: more bytes than the card allows in one buffer, or has left; `what` names the buffer in the
+/// # Errors
+///
+/// More bytes than the card allows in one buffer, or has left; `what` names the buffer in the
 /// message.
 pub fn filled<T: NoUninit + Send>(
     gpu: &Gpu,
@@ -50,9 +52,12 @@ pub fn filled<T: NoUninit + Send>(
     Ok(buffer)
 }
 
-/// A storage buffer of `bytes`, filled with zeros; an empty one holds one vector. It can be copied to and from.
+/// A storage buffer of `bytes`, filled with zeros; an empty one holds one vector. It can be copied
+/// to and from.
 ///
-/// Errors: more than the card binds at once, or has left; the message contains `what`, the name of the
+/// # Errors
+///
+/// More than the card binds at once, or has left; the message contains `what`, the name of the
 /// buffer, and `remedy`.
 pub fn storage(gpu: &Gpu, what: &str, bytes: u64, remedy: &str) -> Result<Buffer> {
     let limits = gpu.device.limits();

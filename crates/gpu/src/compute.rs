@@ -7,7 +7,8 @@ use wgpu::{
     ComputePipelineDescriptor, PipelineCompilationOptions, ShaderModuleDescriptor, ShaderSource,
 };
 
-/// A compute kernel: an entry point whose bindings, all in group 0, are numbered from 0 without gaps.
+/// A compute kernel: an entry point whose bindings, all in group 0, are numbered from 0 without
+/// gaps.
 #[derive(Debug)]
 pub struct Kernel {
     name: &'static str,
@@ -17,7 +18,9 @@ pub struct Kernel {
 impl Kernel {
     /// Compiles the entry point `name` of `source`.
     ///
-    /// Errors: the card or its driver rejects it.
+    /// # Errors
+    ///
+    /// The card or its driver rejects it.
     pub fn new(gpu: &Gpu, name: &'static str, source: String) -> Result<Self> {
         let source = ShaderSource::Wgsl(source.into());
         let module =

@@ -14,7 +14,8 @@ pub struct AdapterOptions {
     /// Graphics API [default: the best available]
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "NAME"))]
     pub graphics_api: Option<GraphicsApi>,
-    /// Use the graphics card whose name contains TEXT; case does not matter [default: the fastest kind]
+    /// Use the graphics card whose name contains TEXT; case does not matter [default: the fastest
+    /// kind]
     #[cfg_attr(feature = "cli", arg(long, value_name = "TEXT"))]
     pub adapter: Option<String>,
 }
@@ -64,7 +65,9 @@ impl AdapterOptions {
 
     /// The best adapter that fits the options; one that can present to `surface` when it is given.
     ///
-    /// Errors: no adapter fits; the message names those that were found.
+    /// # Errors
+    ///
+    /// No adapter fits; the message names those that were found.
     pub fn choose(&self, instance: &Instance, surface: Option<&Surface<'_>>) -> Result<Adapter> {
         let mut found = pollster::block_on(instance.enumerate_adapters(Backends::all()));
         found.sort_by_key(rank);
@@ -92,8 +95,8 @@ impl AdapterOptions {
         })
     }
 
-    /// The best real card that fits the options: no software, and no OpenGL, whose compute shaders differ from driver
-    /// to driver. Without a card it is silent.
+    /// The best real card that fits the options: no software, and no OpenGL, whose compute shaders
+    /// differ from driver to driver. Without a card it is silent.
     pub fn find_real(&self) -> Option<Adapter> {
         if !may_have_card() {
             return None;
@@ -114,9 +117,9 @@ impl AdapterOptions {
     }
 }
 
-/// False if there can be no card. Then no driver is loaded, because loading takes time and, without a
-/// desktop, prints messages of Mesa's layers. On Linux a card has a file of its kernel driver: Mesa's,
-/// NVIDIA's, WSL's, Tegra's, Arm's or Qualcomm's.
+/// False if there can be no card. Then no driver is loaded, because loading takes time and, without
+/// a desktop, prints messages of Mesa's layers. On Linux a card has a file of its kernel driver:
+/// Mesa's, NVIDIA's, WSL's, Tegra's, Arm's or Qualcomm's.
 fn may_have_card() -> bool {
     let files = ["dri", "nvidia0", "nvidiactl", "dxg", "nvhost-gpu", "mali0", "kgsl-3d0"];
     !cfg!(target_os = "linux")
@@ -176,7 +179,9 @@ pub struct Gpu {
 impl Gpu {
     /// Opens a card without any window.
     ///
-    /// Errors: no such card, or it cannot be opened.
+    /// # Errors
+    ///
+    /// No such card, or it cannot be opened.
     pub fn headless(options: &AdapterOptions) -> Result<Self> {
         let instance = options.instance(None);
         Self::open(&options.choose(&instance, None)?)
@@ -189,7 +194,9 @@ impl Gpu {
 
     /// Opens `adapter` with no more than `limits`.
     ///
-    /// Errors: the card's limits are below these.
+    /// # Errors
+    ///
+    /// The card's limits are below these.
     pub fn open_within(adapter: &Adapter, limits: Limits) -> Result<Self> {
         let info = adapter.get_info();
         let request = adapter.request_device(&DeviceDescriptor {
@@ -238,7 +245,8 @@ impl Gpu {
         waited.map(drop).map_err(|e| Error::Gpu(format!("{}: {e}", self.info.name)))
     }
 
-    /// "llvmpipe (LLVM 15.0.6, 256 bits), vulkan, llvmpipe Mesa 22.3.6 (LLVM 15.0.6)": card, graphics API, driver.
+    /// "llvmpipe (LLVM 15.0.6, 256 bits), vulkan, llvmpipe Mesa 22.3.6 (LLVM 15.0.6)": card,
+    /// graphics API, driver.
     pub fn describe(&self) -> String {
         let AdapterInfo { name, backend, driver, driver_info, .. } = &self.info;
         format!("{name}, {backend}, {driver} {driver_info}").trim_end().to_owned()

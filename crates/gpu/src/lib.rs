@@ -1,4 +1,5 @@
-//! The graphics card: finding one, filling its buffers, compute kernels, reading back. Does not depend on mesh types.
+//! The graphics card: finding one, filling its buffers, compute kernels, reading back. Does not
+//! depend on mesh types.
 //!
 //! In: nothing. Out: an open card, its buffers and kernels.
 

@@ -52,8 +52,8 @@ fn unreadable(gpu: &Gpu, why: &dyn std::fmt::Display) -> Error {
     Error::Gpu(format!("{}: cannot read back: {why}", gpu.info.name))
 }
 
-/// Reads the beginning of a buffer at one point of the recorded work, while later work continues. It is
-/// reused: recorded, submitted, taken.
+/// Reads the beginning of a buffer at one point of the recorded work, while later work continues.
+/// It is reused: recorded, submitted, taken.
 #[derive(Debug)]
 pub struct Readback {
     staging: Buffer,
@@ -89,7 +89,9 @@ impl Readback {
 
     /// The bytes read; `None` while the card has not reached the copy. `wait` waits for it.
     ///
-    /// Errors: those of the card.
+    /// # Errors
+    ///
+    /// Those of the card.
     pub fn take<T: AnyBitPattern + NoUninit>(
         &mut self,
         gpu: &Gpu,

@@ -1,4 +1,5 @@
-//! A bake job, from its inputs and options to files: photos, hardening, a limit on bytes, stages, report.
+//! A bake job, from its inputs and options to files: photos, hardening, a limit on bytes, stages,
+//! report.
 
 use super::event::{Observer, add, stages};
 use super::fitted::fitted;
@@ -58,7 +59,8 @@ pub struct BakeJob {
     pub photos: Option<Dataset>,
     /// Options for reading photos and input files.
     pub dataset_options: DatasetOptions,
-    /// Steps of a training that makes a soft scene solid before the bake; [`HARDEN_STEPS`](super::HARDEN_STEPS) suit most.
+    /// Steps of a training that makes a soft scene solid before the bake;
+    /// [`HARDEN_STEPS`](super::HARDEN_STEPS) suit most.
     pub harden: Option<u64>,
     /// Limit on the bytes of all files together.
     pub max_bytes: Option<u64>,
@@ -103,7 +105,9 @@ impl BakeJob {
 
     /// Bakes without writing files.
     ///
-    /// Errors: unreadable inputs; errors of the bake; `max_bytes`, which only counts written files.
+    /// # Errors
+    ///
+    /// Unreadable inputs; errors of the bake; `max_bytes`, which only counts written files.
     pub fn run(self, observer: Observer<'_>) -> Result<BakeDone> {
         match self.max_bytes {
             Some(bytes) => Err(Error::invalid("max_bytes", bytes, "files to write")),
@@ -111,18 +115,24 @@ impl BakeJob {
         }
     }
 
-    /// Bakes and writes the files that [`BakeOptions::plan_output`] names for `path`. Existing files are replaced.
+    /// Bakes and writes the files that [`BakeOptions::plan_output`] names for `path`. Existing
+    /// files are replaced.
     ///
-    /// Errors: those of [`BakeJob::run`], of the format and of the operating system.
+    /// # Errors
+    ///
+    /// Those of [`BakeJob::run`], of the format and of the operating system.
     pub fn save(mut self, path: &Path, observer: Observer<'_>) -> Result<BakeDone> {
         let output = self.options.plan_output(path, None)?;
         let files = output.start()?;
         self.write(&output, files, observer)
     }
 
-    /// Bakes and writes the files of `output`: planned by [`BakeOptions::plan_output`], already started.
+    /// Bakes and writes the files of `output`: planned by [`BakeOptions::plan_output`], already
+    /// started.
     ///
-    /// Errors: as for [`BakeJob::save`].
+    /// # Errors
+    ///
+    /// As for [`BakeJob::save`].
     pub fn write(
         self,
         output: &Output,
@@ -243,7 +253,8 @@ impl BakeJob {
         }
     }
 
-    /// Reads every input. Readers run one after the other, so that memory holds one file's spare buffers at a time.
+    /// Reads every input. Readers run one after the other, so that memory holds one file's spare
+    /// buffers at a time.
     fn read(&self) -> Result<Inputs> {
         let is_stream =
             |input: &&BakeInput| matches!(input, BakeInput::File(p) if p.as_os_str() == "-");

@@ -44,11 +44,12 @@ use trisplat_train::BackendOptions;
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct EvalJob {
-    /// Trained soup (.ply .pt), mesh (.glb .gltf .obj .ply .off) or Gaussian splats (.ply .splat .spz .sog .glb).
+    /// Trained soup (.ply .pt), mesh (.glb .gltf .obj .ply .off) or Gaussian splats (.ply .splat
+    /// .spz .sog .glb).
     ///
-    /// A mesh is drawn as an engine draws it. A soup is drawn soft, as it was trained; solid, after a bake
-    /// with default options; and from a quantised and compressed file. This shows the loss of each step.
-    /// Gaussian splats are drawn as their trainers draw them.
+    /// A mesh is drawn as an engine draws it. A soup is drawn soft, as it was trained; solid, after
+    /// a bake with default options; and from a quantised and compressed file. This shows the loss
+    /// of each step. Gaussian splats are drawn as their trainers draw them.
     #[cfg_attr(feature = "cli", arg(value_name = "FILE"))]
     pub file: PathBuf,
     /// How it is drawn.
@@ -95,7 +96,9 @@ impl EvalJob {
 
     /// Reads, draws and measures the scene.
     ///
-    /// Errors: those of [`EvalJob::prepare`] and of [`ReadyEval::run`].
+    /// # Errors
+    ///
+    /// Those of [`EvalJob::prepare`] and of [`ReadyEval::run`].
     pub fn run(self, dataset: &Dataset) -> Result<EvalReport> {
         let mut ready = self.prepare(dataset)?;
         ready.draw_on(|_, _| {})?;
@@ -104,7 +107,9 @@ impl EvalJob {
 
     /// Reads the scene and prepares the forms to evaluate.
     ///
-    /// Errors: a split without photos; an unreadable file; a mesh with a soft renderer; Gaussians with any.
+    /// # Errors
+    ///
+    /// A split without photos; an unreadable file; a mesh with a soft renderer; Gaussians with any.
     pub fn prepare(self, dataset: &Dataset) -> Result<ReadyEval<'_>> {
         let views = self.split.some_of(dataset)?;
         let background = self.dataset_options.background.to_f32();
@@ -147,9 +152,12 @@ impl<'a> ReadyEval<'a> {
         self.steps.iter().map(|step| step.name).collect()
     }
 
-    /// Moves soft drawing to a graphics card if the backend says so; `chosen` gets each form's card and warnings.
+    /// Moves soft drawing to a graphics card if the backend says so; `chosen` gets each form's card
+    /// and warnings.
     ///
-    /// Errors: a card that was asked for and is not there.
+    /// # Errors
+    ///
+    /// A card that was asked for and is not there.
     pub fn draw_on(&mut self, mut chosen: impl FnMut(Option<&str>, &[String])) -> Result<()> {
         for step in &mut self.steps {
             let (card, warnings) = step.renderer.draw_on(&self.job.backend)?;
@@ -160,7 +168,9 @@ impl<'a> ReadyEval<'a> {
 
     /// Draws and measures every photo; `on_view` gets the number of each and its drawings.
     ///
-    /// Errors: photos that cannot be decoded; those of `on_view`.
+    /// # Errors
+    ///
+    /// Photos that cannot be decoded; those of `on_view`.
     pub fn run(
         mut self,
         on_view: impl FnMut(usize, &[ScoredPicture]) -> Result<()>,
@@ -240,8 +250,8 @@ impl<'a> ReadyEval<'a> {
         Ok(scores)
     }
 
-    /// What brings drawings to the exposure of each evaluated photo, as logarithms; `None` where it is unknown. Nothing is read where no
-    /// evaluated photo tracks points.
+    /// What brings drawings to the exposure of each evaluated photo, as logarithms; `None` where it
+    /// is unknown. Nothing is read where no evaluated photo tracks points.
     fn own_exposures(&self) -> Result<Vec<Option<[f32; 3]>>> {
         let is_tracked = |view: &&View| !view.tracked.is_empty();
         let unknown = vec![None; self.views.len()];

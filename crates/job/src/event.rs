@@ -32,7 +32,8 @@ pub enum MakePart {
     Subject,
 }
 
-/// A training that is about to begin. Only that of the scene has warnings, stages, a plan and a card.
+/// A training that is about to begin. Only that of the scene has warnings, stages, a plan and a
+/// card.
 #[derive(Debug, Clone, Default)]
 pub struct TrainBegins<'a> {
     /// The part that it is.
@@ -58,7 +59,8 @@ pub struct TrainBegins<'a> {
 /// What happens in a job.
 #[derive(Debug)]
 pub enum Event<'a> {
-    /// A part of a [`MakeJob`](super::MakeJob) begins; `ControlFlow::Break` stops the job before it.
+    /// A part of a [`MakeJob`](super::MakeJob) begins; `ControlFlow::Break` stops the job before
+    /// it.
     Part(MakePart),
     /// In a stage.
     Stage(StageEvent<'a>),
@@ -77,7 +79,8 @@ pub enum Event<'a> {
         /// Pictures in all.
         all: usize,
     },
-    /// The scene is about to be baked with at most `triangles`, which are expected to fit `limit` bytes; not at all of a bake without a limit.
+    /// The scene is about to be baked with at most `triangles`, which are expected to fit `limit`
+    /// bytes; not at all of a bake without a limit.
     Fits {
         /// Bytes.
         limit: u64,
@@ -86,12 +89,15 @@ pub enum Event<'a> {
     },
 }
 
-/// Is told what happens; `ControlFlow::Break` asks the job to stop: a training after its step, everything else before its next stage.
+/// Is told what happens; `ControlFlow::Break` asks the job to stop: a training after its step,
+/// everything else before its next stage.
 pub type Observer<'a> = &'a mut dyn FnMut(Event<'_>) -> ControlFlow<()>;
 
 /// Tells that a training begins; returns the observer of its steps.
 ///
-/// Errors: it is stopped before it begins.
+/// # Errors
+///
+/// It is stopped before it begins.
 pub(super) fn begin<'a>(
     observer: Observer<'a>,
     begins: &TrainBegins<'_>,

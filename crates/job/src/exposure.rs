@@ -1,8 +1,9 @@
 //! Decides how far photos are corrected in exposure, by photos that short trainings leave out.
 //!
-//! Tracked points predict every photo's gain, white balance and falloff. Solid scenes are trained on uncorrected small photos, a quarter of
-//! them left out, and drawn for the left-out cameras. What these photos show of the predictions is corrected:
-//! [`ExposureEvidence`]. See docs/benchmarks/exposure.md.
+//! Tracked points predict every photo's gain, white balance and falloff. Solid scenes are trained
+//! on uncorrected small photos, a quarter of them left out, and drawn for the left-out cameras.
+//! What these photos show of the predictions is corrected: [`ExposureEvidence`]. See
+//! docs/benchmarks/exposure.md.
 
 use super::event::{Observer, TrainBegins, TrainPart, begin, stopped};
 use glam::UVec2;
@@ -28,7 +29,8 @@ const MIN_PIXELS_PER_TRIANGLE: u64 = 4;
 const STEPS_PER_PHOTO: u64 = 25;
 /// One photo in this many is left out of a training; each training leaves out others.
 const LEFT_OUT_EVERY: usize = 4;
-/// Number of left-out photos that decide, if there are as many. One fit through fewer is easily led by a single photo.
+/// Number of left-out photos that decide, if there are as many. One fit through fewer is easily led
+/// by a single photo.
 const DECIDING_PHOTOS: usize = 12;
 /// With fewer photos, none can be spared.
 const MIN_PHOTOS: usize = 8;
@@ -45,7 +47,8 @@ pub(super) enum ExposureDecision {
     AsTaken(&'static str),
 }
 
-/// Decides how far the training photos of `dataset` are corrected in a run with `options` that has `budget_secs`, if it has a budget.
+/// Decides how far the training photos of `dataset` are corrected in a run with `options` that has
+/// `budget_secs`, if it has a budget.
 ///
 /// # Errors
 ///
@@ -122,7 +125,8 @@ fn trial_options(small: &Dataset, seed: u64) -> TrainOptions {
     }
 }
 
-/// Whether the trainings take little of the time of the run. Expected seconds decide instead of a clock, so equal runs decide alike.
+/// Whether the trainings take little of the time of the run. Expected seconds decide instead of a
+/// clock, so equal runs decide alike.
 fn has_time(dataset: &Dataset, options: &TrainOptions, budget_secs: Option<f64>) -> bool {
     let largest =
         dataset.train().map(|view| view.camera).max_by_key(|camera| camera.size.element_product());

@@ -1,7 +1,8 @@
 //! A bake whose files take at most a number of bytes.
 //!
-//! Bytes are nearly in proportion to triangles of any shape. So trials without fitting, which cost little, measure the bytes of a triangle; one or
-//! two bakes by proportion follow, and the size of their files decides.
+//! Bytes are nearly in proportion to triangles of any shape. So trials without fitting, which cost
+//! little, measure the bytes of a triangle; one or two bakes by proportion follow, and the size of
+//! their files decides.
 
 use super::event::{Event, Observer, stages};
 use std::ops::ControlFlow::Continue;
@@ -13,7 +14,8 @@ use trisplat_scene::{Asset, Error, ImportedScene, Result};
 
 /// Most bakes, should the later ones be needed.
 const MOST_BAKES: u32 = 6;
-/// The target size, as a share of the limit: a little less, because a scene that is too large is discarded.
+/// The target size, as a share of the limit: a little less, because a scene that is too large is
+/// discarded.
 const AIM: f64 = 0.985;
 /// Least share of the limit that is good enough at once, and ...
 const NEAR: f64 = 0.95;
@@ -27,10 +29,13 @@ pub(super) struct Fitted {
     pub(super) report: Report,
 }
 
-/// The bake with the most triangles whose files, all of `output` together, take at most `limit` bytes. The bytes of real files are counted:
-/// first of the scene without anything that pictures decide, then of the bake itself, which may be made again. `report` is what each begins with.
+/// The bake with the most triangles whose files, all of `output` together, take at most `limit`
+/// bytes. The bytes of real files are counted: first of the scene without anything that pictures
+/// decide, then of the bake itself, which may be made again. `report` is what each begins with.
 ///
-/// Errors: those of a bake and of writing; a limit that not even one triangle meets.
+/// # Errors
+///
+/// Those of a bake and of writing; a limit that not even one triangle meets.
 pub(super) fn fitted(
     limit: u64,
     scenes: &[ImportedScene],
@@ -70,10 +75,13 @@ pub(super) fn fitted(
     most_within(limit, options.prune.max_triangles, trial, make)
 }
 
-/// The scene with most triangles, at most `max_triangles`, whose files take at most `limit` bytes. `trial` returns the triangles and bytes of a
-/// similar scene, `make` the bytes of the scene itself, of at most the given number of triangles.
+/// The scene with most triangles, at most `max_triangles`, whose files take at most `limit` bytes.
+/// `trial` returns the triangles and bytes of a similar scene, `make` the bytes of the scene
+/// itself, of at most the given number of triangles.
 ///
-/// Errors: those of both; a limit that not even one triangle fits.
+/// # Errors
+///
+/// Those of both; a limit that not even one triangle fits.
 fn most_within<T>(
     limit: u64,
     max_triangles: Option<u64>,
@@ -141,7 +149,8 @@ fn plain(options: &BakeOptions) -> BakeOptions {
     plain
 }
 
-/// The scenes without cameras, unless cameras define the crop. Without cameras, triangles are ranked by size.
+/// The scenes without cameras, unless cameras define the crop. Without cameras, triangles are
+/// ranked by size.
 fn sightless(scenes: &[ImportedScene], options: &BakeOptions) -> Vec<ImportedScene> {
     let mut scenes = scenes.to_vec();
     if options.crop.crop.is_empty() {
@@ -154,7 +163,8 @@ fn sightless(scenes: &[ImportedScene], options: &BakeOptions) -> Vec<ImportedSce
 mod tests {
     use super::*;
 
-    /// A scene of `all` triangles of `each` bytes; in trials they take `tried` times as many. Returns bytes, triangles permitted and bakes.
+    /// A scene of `all` triangles of `each` bytes; in trials they take `tried` times as many.
+    /// Returns bytes, triangles permitted and bakes.
     fn search(
         limit: u64,
         all: u64,
@@ -197,7 +207,8 @@ mod tests {
         assert!(bytes <= 3_000_000 && made <= 3, "{made} after a trial that was far off");
     }
 
-    /// Half of a soft scene's triangles go once pictures tell which of them are seen; a texture takes the same bytes for any number.
+    /// Half of a soft scene's triangles go once pictures tell which of them are seen; a texture
+    /// takes the same bytes for any number.
     #[test]
     fn what_later_stages_drop_or_add_is_made_up_for() {
         let limit = 20_000;

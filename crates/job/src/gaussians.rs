@@ -1,4 +1,5 @@
-//! Gaussian splats become a solid scene: triangles in their place are trained on pictures drawn of them.
+//! Gaussian splats become a solid scene: triangles in their place are trained on pictures drawn of
+//! them.
 
 use super::event::{Observer, on_drawn};
 use super::harden::{Hardened, train};
@@ -22,11 +23,13 @@ const FIRST_SHARE: f64 = 0.5;
 /// Share of the training pictures that are drawn between the photos, if there are photos.
 const SHARE_BETWEEN: f64 = 0.5;
 
-/// Rate of the corners, as a share of that from points: the first triangles lie about right. Three times as much costs one object up to 1.6 dB
-/// and another up to 5.5, half as much up to 0.4 (docs/benchmarks/splats.md).
+/// Rate of the corners, as a share of that from points: the first triangles lie about right. Three
+/// times as much costs one object up to 1.6 dB and another up to 5.5, half as much up to 0.4
+/// (docs/benchmarks/splats.md).
 const CALM: f64 = 0.5;
 
-/// Steps of hardening from Gaussians, as a multiple of those from soft triangles: their first triangles are only near the surface.
+/// Steps of hardening from Gaussians, as a multiple of those from soft triangles: their first
+/// triangles are only near the surface.
 const GAUSSIANS_NEED: u64 = 4;
 
 /// How often cameras are put between neighbours, while there is room for more pictures.
@@ -57,7 +60,8 @@ impl Effort {
     const DEFAULT: Self = Self {
         pictures: 140,
         surroundings: Work { steps: 3000, triangles: 80_000, longer_px: 640 },
-        // Smaller pictures: splats are drawn with a blur of a pixel, and finer triangles show less of it than the splats from far away.
+        // Smaller pictures: splats are drawn with a blur of a pixel, and finer triangles show less
+        // of it than the splats from far away.
         object: Work { steps: 5000, triangles: 40_000, longer_px: 560 },
     };
 
@@ -79,7 +83,8 @@ impl Effort {
 }
 
 impl Work {
-    /// The training is that of photos, not that of a soft scene: the first triangles lie about right but overlap, so they must move.
+    /// The training is that of photos, not that of a soft scene: the first triangles lie about
+    /// right but overlap, so they must move.
     fn training(&self, most: Option<u64>) -> TrainOptions {
         let preset = TrainOptions::preset(TrainPreset::Solid);
         TrainOptions { steps: self.steps, max_triangles: most.unwrap_or(self.triangles), ..preset }
@@ -94,10 +99,13 @@ impl Work {
     }
 }
 
-/// The solid scene of `splats`, read from `path`, with at most `most` triangles. It is trained on pictures from the cameras beside the file,
-/// those of `photos`, or chosen ones; with photos, on these too.
+/// The solid scene of `splats`, read from `path`, with at most `most` triangles. It is trained on
+/// pictures from the cameras beside the file, those of `photos`, or chosen ones; with photos, on
+/// these too.
 ///
-/// Errors: nothing to see from anywhere; undecodable photos; a stopped run.
+/// # Errors
+///
+/// Nothing to see from anywhere; undecodable photos; a stopped run.
 pub(super) fn solid(
     (path, mut splats): (&Path, ImportedSplats),
     photos: Option<&Dataset>,
@@ -162,7 +170,8 @@ pub(super) fn solid(
 }
 
 impl Effort {
-    /// The cameras of the pictures, in the frame of the file: those that it stores with others between them, or chosen ones.
+    /// The cameras of the pictures, in the frame of the file: those that it stores with others
+    /// between them, or chosen ones.
     fn cameras(&self, path: &Path, splats: &ImportedSplats) -> Result<Vec<Camera>> {
         let stand_in = splats.stand_in();
         let stored = self.chosen(&stand_in.cameras);
@@ -186,7 +195,8 @@ impl Effort {
         Ok(found.cameras)
     }
 
-    /// At most as many of `cameras` as there are pictures, evenly spaced, with pictures of at most the allowed size.
+    /// At most as many of `cameras` as there are pictures, evenly spaced, with pictures of at most
+    /// the allowed size.
     fn chosen(&self, cameras: &[Camera]) -> Vec<Camera> {
         evenly_spaced(cameras.len(), self.pictures)
             .map(|i| self.surroundings.limited(&cameras[i]))

@@ -26,8 +26,9 @@ const GROWTH: f64 = 1.25;
 /// Steps of hardening that suit most soft scenes.
 pub const HARDEN_STEPS: u64 = 2000;
 
-/// Training options of `steps` for a scene of `triangles`; the file may have `max_triangles`. The training comes down to them early: a scene
-/// that is trained with all of its triangles and cut afterwards loses up to 0.9 dB and takes a third more seconds.
+/// Training options of `steps` for a scene of `triangles`; the file may have `max_triangles`. The
+/// training comes down to them early: a scene that is trained with all of its triangles and cut
+/// afterwards loses up to 0.9 dB and takes a third more seconds.
 pub(super) fn training(steps: u64, triangles: usize, max_triangles: Option<u64>) -> TrainOptions {
     let grown = (triangles as f64 * GROWTH) as u64;
     let max_triangles = max_triangles.unwrap_or(LEAST_BUDGET.max(grown));
@@ -65,10 +66,12 @@ pub(crate) fn needless(scene: &ImportedScene) -> Option<&'static str> {
     }
 }
 
-/// Trains `soft`, read from `path`, solid: on `photos` if there are any, otherwise on its own soft pictures, which
-/// are transparent where they show the colour `behind` an object.
+/// Trains `soft`, read from `path`, solid: on `photos` if there are any, otherwise on its own soft
+/// pictures, which are transparent where they show the colour `behind` an object.
 ///
-/// Errors: no cameras to draw from, undecodable photos, a stopped run.
+/// # Errors
+///
+/// No cameras to draw from, undecodable photos, a stopped run.
 pub(super) fn harden(
     (path, soft): (&Path, ImportedScene),
     behind: Option<[f32; 3]>,
@@ -105,7 +108,9 @@ pub(super) fn harden(
 
 /// Trains `soft` solid on `dataset`; `clock` began with the stage.
 ///
-/// Errors: undecodable photos, a stopped run.
+/// # Errors
+///
+/// Undecodable photos, a stopped run.
 pub(super) fn train(
     soft: ImportedScene,
     dataset: &Dataset,
@@ -136,7 +141,8 @@ const MIN_STEPS: u64 = 1000;
 const LOOKS: usize = 12;
 const LOOK_SIDE: u32 = 96;
 
-/// Refuses a scene that has nearly vanished: in most of the drawn pictures that it was trained on, it covers less than half of what they show.
+/// Refuses a scene that has nearly vanished: in most of the drawn pictures that it was trained on,
+/// it covers less than half of what they show.
 ///
 /// # Errors
 /// Such a scene; pictures that cannot be read.

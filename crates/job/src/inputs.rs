@@ -1,4 +1,5 @@
-//! The files that a command reads, which it may not write, move or remove; and a description of one.
+//! The files that a command reads, which it may not write, move or remove; and a description of
+//! one.
 
 use std::path::{Path, PathBuf};
 use trisplat_bake::{
@@ -14,9 +15,10 @@ use trisplat_scale::{Manifest, is_plan};
 use trisplat_scene::report::{self, Outcome};
 use trisplat_scene::{ImportedScene, Limits, Result};
 
-/// `path` and every file that it names, whatever it is: a scene with its buffers, materials and pictures; a data set with its
-/// poses, photos (those of COLMAP in the folder `images`) and masks; a plan with all its files and its data set; a folder
-/// with its photos and videos. What cannot be read names nothing.
+/// `path` and every file that it names, whatever it is: a scene with its buffers, materials and
+/// pictures; a data set with its poses, photos (those of COLMAP in the folder `images`) and masks;
+/// a plan with all its files and its data set; a folder with its photos and videos. What cannot be
+/// read names nothing.
 pub fn files_of(path: &Path, images: &Path, limits: &Limits) -> Vec<PathBuf> {
     let mut files = vec![path.to_owned()];
     if let Some((plan, folder)) = is_plan(path).then(|| Manifest::read(path, limits).ok()).flatten()
@@ -39,9 +41,12 @@ pub fn files_of(path: &Path, images: &Path, limits: &Limits) -> Vec<PathBuf> {
     files
 }
 
-/// Describes the scene or the Gaussians at `path`. A soft scene is drawn on a few small pictures to measure its softness.
+/// Describes the scene or the Gaussians at `path`. A soft scene is drawn on a few small pictures to
+/// measure its softness.
 ///
-/// Errors: those of reading.
+/// # Errors
+///
+/// Those of reading.
 pub fn describe(path: &Path, options: &ReadOptions) -> Result<Info> {
     let (mut info, content) = info_of_content(path, options)?;
     let Content::Scene(mut loaded) = content else { return Ok(info) };

@@ -1,4 +1,5 @@
-//! From photos, a video or a data set to files for an engine: capture, training, bake. Finished parts are not repeated.
+//! From photos, a video or a data set to files for an engine: capture, training, bake. Finished
+//! parts are not repeated.
 
 use super::baking::{BakeInput, BakeJob};
 use super::evaluate::EvalJob;
@@ -23,7 +24,8 @@ use trisplat_train::{BackendOptions, RunOptions, TrainOptions, checkpoint};
 const TRAINING: f64 = 0.85;
 /// Steps between checkpoints: a killed run loses at most these.
 const CHECKPOINT_EVERY: u64 = 500;
-/// A subject that is larger than this share of the cameras' distance surrounds them, as a room does.
+/// A subject that is larger than this share of the cameras' distance surrounds them, as a room
+/// does.
 const LARGEST_SUBJECT: f64 = 0.6;
 /// Fewer photos show no shape, or leave none to judge it by.
 const LEAST_PHOTOS: usize = 3;
@@ -36,7 +38,8 @@ const CHECKPOINT: &str = "scene.checkpoint";
 const NOTES: &str = "training.json";
 const TEACHER: &str = "scene.teacher.ply";
 
-/// A job that does everything: capture, training, bake. [`MakeJob::new`] fills in the defaults; set any field before running it.
+/// A job that does everything: capture, training, bake. [`MakeJob::new`] fills in the defaults; set
+/// any field before running it.
 #[derive(Debug, Clone)]
 pub struct MakeJob {
     /// Photos, videos or folders of them; or one data set with poses.
@@ -47,14 +50,15 @@ pub struct MakeJob {
     pub page: Option<PathBuf>,
     /// The report to write as JSON, last.
     pub report: Option<PathBuf>,
-    /// Working folder, from which an interrupted job continues: the captured data set, checkpoints, the trained scene. Files that
-    /// this job did not write there are never replaced.
+    /// Working folder, from which an interrupted job continues: the captured data set, checkpoints,
+    /// the trained scene. Files that this job did not write there are never replaced.
     pub work: PathBuf,
     /// Capture options: frames and poses.
     pub capture: CaptureOptions,
     /// Set photos of other inputs in the working folder aside, as `photos.old`.
     pub force: bool,
-    /// Train although the photos can hardly make a scene: few points tie them, or they share too little.
+    /// Train although the photos can hardly make a scene: few points tie them, or they share too
+    /// little.
     pub anyway: bool,
     /// Options for reading the data set.
     pub dataset_options: DatasetOptions,
@@ -64,7 +68,8 @@ pub struct MakeJob {
     pub backend: BackendOptions,
     /// Bake options.
     pub bake: BakeOptions,
-    /// CPU time for training and bake together; `None`: the steps of `train`, so equal jobs make equal bytes.
+    /// CPU time for training and bake together; `None`: the steps of `train`, so equal jobs make
+    /// equal bytes.
     pub budget: Option<Seconds>,
 }
 
@@ -77,9 +82,11 @@ pub struct MakeDone {
     pub dataset: PathBuf,
     /// Quality of the capture; `None` for a given data set.
     pub verdict: Option<VerdictDetails>,
-    /// How close the file comes to photos that training did not see; `None` where it is not the whole scene, and of files that are not read back.
+    /// How close the file comes to photos that training did not see; `None` where it is not the
+    /// whole scene, and of files that are not read back.
     pub score: Option<StepScore>,
-    /// PSNR of these photos where at least two that training saw look, dB, by name; empty without a score.
+    /// PSNR of these photos where at least two that training saw look, dB, by name; empty without a
+    /// score.
     pub judged: Vec<(String, f64)>,
     /// PSNR of an earlier run for the same photos with less time or fewer steps, dB.
     pub earlier: Option<f64>,
@@ -145,9 +152,12 @@ impl MakeJob {
         }
     }
 
-    /// Runs every unfinished part, to the end or until `observer` stops it. Existing files are replaced.
+    /// Runs every unfinished part, to the end or until `observer` stops it. Existing files are
+    /// replaced.
     ///
-    /// Errors: those of [`Capture::run`], [`TrainJob::run`] and [`BakeJob::save`].
+    /// # Errors
+    ///
+    /// Those of [`Capture::run`], [`TrainJob::run`] and [`BakeJob::save`].
     pub fn run(mut self, observer: Observer<'_>) -> Result<MakeDone> {
         let clock = Instant::now();
         // Removed if it stays empty.
@@ -226,7 +236,8 @@ impl MakeJob {
             if let Some(path) = &self.report {
                 save(path, &done.report)?;
             }
-            // Until here, the next run would replace the outputs. All are whole, so a note that cannot be written costs nothing.
+            // Until here, the next run would replace the outputs. All are whole, so a note that
+            // cannot be written costs nothing.
             let _ = self.note(Vec::new());
         }
         Ok(done)
@@ -274,7 +285,8 @@ impl MakeJob {
         let resume = before.and_then(|_| checkpoint::read(&point).ok());
         ours.begin(&[SCENE, CHECKPOINT, NOTES, TEACHER])?;
         if resume.is_none() && point.exists() {
-            // From here on the notes name this training, and a checkpoint beside them would pass for its own.
+            // From here on the notes name this training, and a checkpoint beside them would pass
+            // for its own.
             std::fs::remove_file(&point).map_err(|e| Error::io(&point, e))?;
         }
         save(&notes, &own)?;
@@ -346,7 +358,8 @@ impl MakeJob {
         Ok(true)
     }
 
-    /// Scores the file on the held-out photos as `trisplat eval` does, and what of them can be `judged`.
+    /// Scores the file on the held-out photos as `trisplat eval` does, and what of them can be
+    /// `judged`.
     fn score(
         &self,
         photos: &Dataset,
@@ -427,8 +440,8 @@ impl MakeJob {
         ours.finish()
     }
 
-    /// The file of the subject alone, beside that of everything: OUT.subject.glb. `None` where a region was asked for, and of formats without
-    /// files beside them.
+    /// The file of the subject alone, beside that of everything: OUT.subject.glb. `None` where a
+    /// region was asked for, and of formats without files beside them.
     pub fn subject_file(&self) -> Option<PathBuf> {
         use OutputFormat::{Glb, Gltf, Obj, Ply, Usdz};
         let has_one = matches!(OutputFormat::of(&self.output), Ok(Glb | Gltf | Obj | Ply | Usdz));
@@ -444,7 +457,8 @@ impl MakeJob {
         options
     }
 
-    /// Bakes, and writes the file, the page, and the file of the subject, whose path it returns. They are noted as begun.
+    /// Bakes, and writes the file, the page, and the file of the subject, whose path it returns.
+    /// They are noted as begun.
     fn bake(
         &mut self,
         photos: &Dataset,
@@ -488,8 +502,8 @@ impl MakeJob {
     }
 }
 
-/// Bakes the subject, writes its file, and lets `whole` begin at the photo that shows it best. Returns false where nothing stands out, as in a
-/// room, and where it is all of `whole`.
+/// Bakes the subject, writes its file, and lets `whole` begin at the photo that shows it best.
+/// Returns false where nothing stands out, as in a room, and where it is all of `whole`.
 fn write_subject(
     mut job: BakeJob,
     file: &Path,

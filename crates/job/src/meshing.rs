@@ -12,16 +12,18 @@ use trisplat_scene::report::Report;
 use trisplat_scene::{Asset, Error, Result, Seconds};
 use trisplat_train::TrainOptions;
 
-/// CPU time for a scene of photos alone. More gains nothing: the surface has far fewer triangles than any scene
-/// (docs/benchmarks/texture.md).
+/// CPU time for a scene of photos alone. More gains nothing: the surface has far fewer triangles
+/// than any scene (docs/benchmarks/texture.md).
 const TRAINING: Seconds = Seconds(30.0);
 
-/// What a surface is made of. [`MeshJob::new`] has the plain values; any field can be set before the run.
+/// What a surface is made of. [`MeshJob::new`] has the plain values; any field can be set before
+/// the run.
 #[derive(Debug, Clone)]
 pub struct MeshJob {
     /// The scene; without it, one is trained on the photos first. Gaussians become triangles first.
     pub scene: Option<Content>,
-    /// Photos, whose cameras decide what the surface is, and which textures show. Pictures of Gaussians replace them.
+    /// Photos, whose cameras decide what the surface is, and which textures show. Pictures of
+    /// Gaussians replace them.
     pub photos: Option<Dataset>,
     /// Options that they were read with. Their limits bound the memory of the distance field.
     pub dataset_options: DatasetOptions,
@@ -34,16 +36,20 @@ pub struct MeshJob {
 }
 
 impl MeshJob {
-    /// A surface with these options, on photos read with [`DatasetOptions::default`]; a scene for it trains for half a minute.
+    /// A surface with these options, on photos read with [`DatasetOptions::default`]; a scene for
+    /// it trains for half a minute.
     pub fn new(scene: Option<Content>, photos: Option<Dataset>, options: MeshOptions) -> Self {
         let dataset_options = DatasetOptions::default();
         let train = TrainOptions::default();
         Self { scene, photos, dataset_options, options, train, budget: Some(TRAINING) }
     }
 
-    /// Makes the surface and writes it as its options say; the ending of `path` chooses the format. Existing files are replaced.
+    /// Makes the surface and writes it as its options say; the ending of `path` chooses the format.
+    /// Existing files are replaced.
     ///
-    /// Errors: those of [`MeshJob::run`], of the format and of the operating system.
+    /// # Errors
+    ///
+    /// Those of [`MeshJob::run`], of the format and of the operating system.
     pub fn save(self, path: impl AsRef<Path>) -> Result<Asset> {
         let output = self.options.output.clone();
         let surface = self.run(&mut Report::new("mesh"), &mut |_| ControlFlow::Continue(()))?;
@@ -52,9 +58,13 @@ impl MeshJob {
         Ok(surface)
     }
 
-    /// Makes the surface; `report` gets the stages. `None` when `observer` stopped the training, if there is one.
+    /// Makes the surface; `report` gets the stages. `None` when `observer` stopped the training, if
+    /// there is one.
     ///
-    /// Errors: neither scene nor photos; a texture without photos; those of [`TrainJob::run`] and [`mesh`](mesh()).
+    /// # Errors
+    ///
+    /// Neither scene nor photos; a texture without photos; those of [`TrainJob::run`] and
+    /// [`mesh`](mesh()).
     pub fn run(self, report: &mut Report, observer: Observer<'_>) -> Result<Option<Asset>> {
         self.options.validate()?;
         let are_splats = matches!(self.scene, Some(Content::Splats(_)));

@@ -1,4 +1,5 @@
-//! A scene where no photo stood: its depth at the tracked points, and what one sees beside the cameras.
+//! A scene where no photo stood: its depth at the tracked points, and what one sees beside the
+//! cameras.
 
 use glam::{UVec2, Vec3};
 use schemars::JsonSchema;
@@ -18,7 +19,8 @@ const WRONG: f32 = 0.05;
 const VIEWS: usize = 120;
 /// Largest distance of such a view from its camera, in median depths of that camera.
 const ASIDE: f32 = 0.4;
-/// Width of the pixels of such a view, px of the photo; half as much again as that of the cameras' own.
+/// Width of the pixels of such a view, px of the photo; half as much again as that of the cameras'
+/// own.
 const ASIDE_STEP: u32 = 6;
 /// The same for the cameras' own views.
 const OWN_STEP: u32 = 4;
@@ -40,10 +42,12 @@ pub struct DepthScores {
     pub behind: f64,
 }
 
-/// Pixels of views that look as the training cameras do, from up to 0.4 of their median depth beside them.
+/// Pixels of views that look as the training cameras do, from up to 0.4 of their median depth
+/// beside them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BesideScores {
-    /// Share with a triangle that fills over 0.2% of the view, and over 16 times more of it than of any photo.
+    /// Share with a triangle that fills over 0.2% of the view, and over 16 times more of it than of
+    /// any photo.
     pub unsupported: f64,
     /// Share with nothing.
     pub empty: f64,
@@ -92,7 +96,8 @@ fn plane_depth(mesh: &Mesh, face: u32, camera: &Camera, point: Vec3) -> f32 {
     normal.dot(camera.rotation * a + camera.translation) / normal.dot(ray / ray.z)
 }
 
-/// What views beside the training cameras show of `mesh`, in the data set's frame; `None` without one.
+/// What views beside the training cameras show of `mesh`, in the data set's frame; `None` without
+/// one.
 pub(super) fn beside(mesh: &Mesh, near: f32, dataset: &Dataset) -> Option<BesideScores> {
     let cameras: Vec<Camera> = dataset.train().map(|view: &View| view.camera).collect();
     let options = options(near);

@@ -16,7 +16,8 @@ const PLAIN_PSNR: f64 = 42.0;
 const ONE_PLACE: f32 = 1e-4;
 /// Points on a photo's side at which its overlap with others is looked for.
 const GRID: u32 = 5;
-/// Distances at which overlap is looked for: these powers of two, in units of the distance between cameras.
+/// Distances at which overlap is looked for: these powers of two, in units of the distance between
+/// cameras.
 const DISTANCES: std::ops::RangeInclusive<i32> = -2..=8;
 
 /// Refuse the photos of `dataset`, which is at `path`, if no training can make a scene of them.
@@ -62,7 +63,8 @@ fn distance_between(cameras: &[Camera]) -> f32 {
     cameras.iter().map(|camera| camera.position().distance(middle)).fold(0.0, f32::max)
 }
 
-/// Median distance of points from the first camera; without points, that of the cameras from the origin, where rounding is of that size.
+/// Median distance of points from the first camera; without points, that of the cameras from the
+/// origin, where rounding is of that size.
 fn distance_of_points(dataset: &Dataset) -> f32 {
     let eye = dataset.views.first().map_or(Vec3::ZERO, |view| view.camera.position());
     let distances = dataset.points.iter().map(|point| point.position.distance(eye)).collect();

@@ -22,14 +22,18 @@ const BLACK: [f32; 3] = [0.0; 3];
 
 /// Reads a scene of any format, with all of its colours.
 ///
-/// Errors: a file that is missing, damaged, above the default limits, or of another kind.
+/// # Errors
+///
+/// A file that is missing, damaged, above the default limits, or of another kind.
 pub fn read(path: impl AsRef<Path>) -> Result<ImportedScene> {
     formats::read(path.as_ref(), &ReadOptions::default())
 }
 
 /// Reads a scene from the bytes of a file.
 ///
-/// Errors: as of [`read`].
+/// # Errors
+///
+/// As of [`read`].
 pub fn read_bytes(bytes: &[u8], format: Format) -> Result<ImportedScene> {
     formats::read_bytes(bytes, format, &ReadOptions::default())
 }
@@ -46,9 +50,13 @@ pub struct Baked {
 }
 
 impl Baked {
-    /// Writes the scene as the options of its bake say. The ending of `path` chooses the format; existing files are replaced.
+    /// Writes the scene as the options of its bake say. The ending of `path` chooses the format;
+    /// existing files are replaced.
     ///
-    /// Errors: an unknown ending; a tileset, which [`BakeJob::save`] writes; what the operating system refuses.
+    /// # Errors
+    ///
+    /// An unknown ending; a tileset, which [`BakeJob::save`] writes; what the operating system
+    /// refuses.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<WrittenFiles> {
         let path = path.as_ref();
         if self.has_tiles {
@@ -63,7 +71,9 @@ impl Baked {
 
     /// The bytes of a GLB as the options of its bake say, without the files beside it.
     ///
-    /// Errors: nothing to draw, or more than a GLB holds.
+    /// # Errors
+    ///
+    /// Nothing to draw, or more than a GLB holds.
     pub fn to_glb(&self) -> Result<Vec<u8>> {
         gltf::to_glb_bytes(&self.asset, &self.output.encoding(&mut WriteDetails::default()))
     }
@@ -79,7 +89,9 @@ impl Deref for Baked {
 
 /// Bakes a scene for an engine, without photos; [`BakeJob`] takes photos, files and an observer.
 ///
-/// Errors: options out of range, nothing left to draw.
+/// # Errors
+///
+/// Options out of range, nothing left to draw.
 pub fn bake(scene: impl Into<ImportedScene>, options: &BakeOptions) -> Result<Baked> {
     let done = BakeJob::new([BakeInput::scene(scene)], options.clone())
         .run(&mut |_| ControlFlow::Continue(()))?;
@@ -88,7 +100,8 @@ pub fn bake(scene: impl Into<ImportedScene>, options: &BakeOptions) -> Result<Ba
     Ok(Baked { asset: done.asset, report: done.report, output, has_tiles })
 }
 
-/// Draws one scene for many cameras, over black; [`RenderJob`](super::RenderJob) writes pictures of photos.
+/// Draws one scene for many cameras, over black; [`RenderJob`](super::RenderJob) writes pictures of
+/// photos.
 #[derive(Debug)]
 pub struct Renderer {
     scene: Mutex<SceneRenderer>,
@@ -99,7 +112,9 @@ pub struct Renderer {
 impl Renderer {
     /// Draws as an engine does: opaque triangles and a depth buffer. A soup is baked first, once.
     ///
-    /// Errors: nothing to draw.
+    /// # Errors
+    ///
+    /// Nothing to draw.
     pub fn new(scene: &ImportedScene) -> Result<Self> {
         let (mesh, placement) = match &scene.scene {
             Scene::Mesh(mesh) => (mesh.clone(), Placement::IDENTITY),
@@ -113,9 +128,12 @@ impl Renderer {
         Ok(Self { scene: Mutex::new(scene), placement })
     }
 
-    /// Draws a soup as it was trained: soft windows, blended by depth (Held et al. 2025, eq. 2 to 6).
+    /// Draws a soup as it was trained: soft windows, blended by depth (Held et al. 2025, eq. 2 to
+    /// 6).
     ///
-    /// Errors: a mesh, whose triangles are solid.
+    /// # Errors
+    ///
+    /// A mesh, whose triangles are solid.
     pub fn soft(scene: &ImportedScene) -> Result<Self> {
         let placement = Placement::IDENTITY;
         match &scene.scene {
@@ -131,7 +149,9 @@ impl Renderer {
 
     /// What a camera in the coordinates of the scene sees.
     ///
-    /// Errors: numbers of the camera that are not finite; a picture above the default limits.
+    /// # Errors
+    ///
+    /// Numbers of the camera that are not finite; a picture above the default limits.
     pub fn draw(&self, camera: &Camera) -> Result<RgbImage> {
         camera.validate(&Limits::DEFAULT)?;
         let mut scene = self.scene.lock().unwrap_or_else(PoisonError::into_inner);
@@ -140,9 +160,12 @@ impl Renderer {
     }
 }
 
-/// How close the file at `path` comes to the held-out photos, drawn as an engine draws it: means over the photos.
+/// How close the file at `path` comes to the held-out photos, drawn as an engine draws it: means
+/// over the photos.
 ///
-/// Errors: an unreadable file; no held-out photos.
+/// # Errors
+///
+/// An unreadable file; no held-out photos.
 pub fn score(path: impl AsRef<Path>, photos: &Dataset) -> Result<Scores> {
     let report = EvalJob::new(path.as_ref()).run(photos)?;
     let file = report.steps.last().map(|step| step.mean);

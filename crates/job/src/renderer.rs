@@ -105,8 +105,8 @@ pub struct SplatsScene {
 pub(super) const NEAR: f32 = 0.01;
 
 impl SceneRenderer {
-    /// A renderer of a soup for cameras of `dataset`; `placement` is that of the soup's file. Without a data
-    /// set the cameras are in the file's coordinates.
+    /// A renderer of a soup for cameras of `dataset`; `placement` is that of the soup's file.
+    /// Without a data set the cameras are in the file's coordinates.
     pub fn soft(
         mut soup: Soup,
         placement: &Placement,
@@ -133,10 +133,12 @@ impl SceneRenderer {
         }))
     }
 
-    /// Lets a graphics card draw the colours of a soup from now on, if one is used. Returns the card, and a
-    /// note for the user.
+    /// Lets a graphics card draw the colours of a soup from now on, if one is used. Returns the
+    /// card, and a note for the user.
     ///
-    /// Errors: `gpu` without a matching card, or with one that cannot draw.
+    /// # Errors
+    ///
+    /// `gpu` without a matching card, or with one that cannot draw.
     pub fn draw_on(&mut self, place: &BackendOptions) -> Result<(Option<String>, Vec<String>)> {
         match self {
             Self::Soft(scene) => scene.draw_on(place),
@@ -144,7 +146,8 @@ impl SceneRenderer {
         }
     }
 
-    /// A renderer of a mesh, with `samples` per pixel along each axis; the rest as for [`SceneRenderer::soft`].
+    /// A renderer of a mesh, with `samples` per pixel along each axis; the rest as for
+    /// [`SceneRenderer::soft`].
     pub fn solid(
         mut mesh: Mesh,
         placement: &Placement,
@@ -168,7 +171,8 @@ impl SceneRenderer {
         }))
     }
 
-    /// A renderer of Gaussian splats, whose shape no cameras change; the rest as for [`SceneRenderer::soft`].
+    /// A renderer of Gaussian splats, whose shape no cameras change; the rest as for
+    /// [`SceneRenderer::soft`].
     pub fn splats(
         splats: Splats,
         placement: &Placement,
@@ -304,7 +308,8 @@ impl SoftScene {
             if let Ok(frame) = card.frame(&camera, &self.options) {
                 return frame.to_pixels();
             }
-            // The card is lost or too small for this picture; the CPU draws this picture and all later ones.
+            // The card is lost or too small for this picture; the CPU draws this picture and all
+            // later ones.
             self.card = None;
         }
         self.draw(camera, false).to_pixels()
@@ -353,7 +358,11 @@ pub struct BakedScene {
 }
 
 impl BakedScene {
-    /// Bakes with the default preset and unchanged colours. Errors: see [`bake()`].
+    /// Bakes with the default preset and unchanged colours.
+    ///
+    /// # Errors
+    ///
+    /// See [`bake()`].
     pub fn new(loaded: ImportedScene) -> Result<Self> {
         let file_placement = loaded.provenance.placement;
         let soup = match &loaded.scene {
@@ -366,14 +375,15 @@ impl BakedScene {
         Ok(Self { asset, soup, bake_placement })
     }
 
-    /// A camera of the source's world, given relative to its point `origin`, in the frame of the asset.
+    /// A camera of the source's world, given relative to its point `origin`, in the frame of the
+    /// asset.
     pub fn place(&self, camera: &Camera, origin: DVec3) -> Camera {
         placed::to_file(camera, &self.asset.provenance.placement, origin)
     }
 }
 
-/// From the file's frame to the cameras' world, in f64: the two may have their origins at different points of a
-/// large world.
+/// From the file's frame to the cameras' world, in f64: the two may have their origins at different
+/// points of a large world.
 fn move_points(points: &mut [Vec3], placement: &Placement, dataset: &Dataset) {
     for point in points {
         *point = (placement.to_world_f64(*point) - dataset.origin).as_vec3();

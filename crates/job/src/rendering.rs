@@ -38,24 +38,27 @@ pub const WIDTH: u32 = 960;
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct RenderJob {
-    /// Trained soup (.ply .pt), drawn soft unless --as says otherwise, or mesh (.glb .gltf .obj .ply .off).
-    /// Or Gaussian splats (.ply .splat .spz .sog .glb), drawn as their trainers draw them.
+    /// Trained soup (.ply .pt), drawn soft unless --as says otherwise, or mesh (.glb .gltf .obj
+    /// .ply .off). Or Gaussian splats (.ply .splat .spz .sog .glb), drawn as their trainers draw
+    /// them.
     #[cfg_attr(feature = "cli", arg(value_name = "FILE"))]
     pub file: PathBuf,
     /// How it is drawn.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub render: RenderOptions,
-    /// List of cameras to draw from, as trainers of Gaussians write it: a cameras.json. For Gaussians, one beside the file is found.
+    /// List of cameras to draw from, as trainers of Gaussians write it: a cameras.json. For
+    /// Gaussians, one beside the file is found.
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE", conflicts_with = "dataset"))]
     pub cameras: Option<PathBuf>,
     /// Which photos' cameras.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t, conflicts_with = "orbit"))]
     pub split: Split,
-    /// Draw N pictures on a circle around the subject of the scene instead. It begins at the photo that shows
-    /// the subject best, or without a data set at the first viewpoint of the file.
+    /// Draw N pictures on a circle around the subject of the scene instead. It begins at the photo
+    /// that shows the subject best, or without a data set at the first viewpoint of the file.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000)))]
     pub orbit: Option<u32>,
-    /// Width of an orbit's pictures when no data set is given, px; the height is three quarters of it.
+    /// Width of an orbit's pictures when no data set is given, px; the height is three quarters of
+    /// it.
     #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = WIDTH, value_parser = clap::value_parser!(u32).range(1..=16384)))]
     pub width: u32,
     /// What the pictures show.
@@ -78,7 +81,8 @@ pub struct ReadyRender {
 }
 
 impl RenderJob {
-    /// Draws from the held-out photos' cameras, for data sets read with [`DatasetOptions::default`].
+    /// Draws from the held-out photos' cameras, for data sets read with
+    /// [`DatasetOptions::default`].
     pub fn new(file: impl Into<PathBuf>) -> Self {
         Self {
             file: file.into(),
@@ -95,7 +99,9 @@ impl RenderJob {
 
     /// Reads the scene and chooses the cameras.
     ///
-    /// Errors: an unreadable file; no cameras; pictures that are too large.
+    /// # Errors
+    ///
+    /// An unreadable file; no cameras; pictures that are too large.
     pub fn prepare(self, dataset: Option<&Dataset>) -> Result<ReadyRender> {
         match formats::read_content(&self.file, &self.dataset_options.read_options(3))? {
             Content::Scene(loaded) => self.prepare_scene(loaded, dataset),
@@ -194,7 +200,9 @@ impl ReadyRender {
 
     /// Moves drawing to a graphics card if the backend says so. Returns the card and warnings.
     ///
-    /// Errors: a card that was asked for and is not there.
+    /// # Errors
+    ///
+    /// A card that was asked for and is not there.
     pub fn draw_on(&mut self) -> Result<(Option<String>, Vec<String>)> {
         match self.job.show {
             PictureKind::Color => self.renderer.draw_on(&self.job.backend),
@@ -204,7 +212,9 @@ impl ReadyRender {
 
     /// Draws one picture.
     ///
-    /// Errors: wires of a soup; depth and normals of Gaussians.
+    /// # Errors
+    ///
+    /// Wires of a soup; depth and normals of Gaussians.
     pub fn draw(&mut self, camera: usize) -> Result<RgbImage> {
         let camera = &self.cameras[camera].1;
         let renderer = &mut self.renderer;
@@ -250,7 +260,8 @@ fn solid_if_asked(job: &RenderJob, loaded: ImportedScene) -> Result<ImportedScen
     }
 }
 
-/// A circle of cameras around the subject, in the data set's world, or in the file's frame without one.
+/// A circle of cameras around the subject, in the data set's world, or in the file's frame without
+/// one.
 fn orbit_cameras(
     job: &RenderJob,
     loaded: &ImportedScene,

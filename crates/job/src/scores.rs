@@ -1,5 +1,5 @@
-//! Scores of pictures against photos: PSNR, SSIM and FLIP. PSNR and SSIM are given twice: for the drawing itself,
-//! and after the affine map of its colours that fits the photo best.
+//! Scores of pictures against photos: PSNR, SSIM and FLIP. PSNR and SSIM are given twice: for the
+//! drawing itself, and after the affine map of its colours that fits the photo best.
 
 use super::off_camera::{BesideScores, DepthScores};
 use glam::Vec2;
@@ -32,7 +32,8 @@ pub struct EvalReport {
     /// The size that photos were shrunk to, "320x213"; absent where they were not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub photo_size: Option<ShrunkSize>,
-    /// The scores at each step from scene to file, in order. A mesh has one, "solid", and Gaussians "splats".
+    /// The scores at each step from scene to file, in order. A mesh has one, "solid", and Gaussians
+    /// "splats".
     pub steps: Vec<StepScore>,
     /// Notes for the user, one sentence each.
     pub warnings: Vec<String>,
@@ -41,8 +42,9 @@ pub struct EvalReport {
 /// The scores of a scene at one step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StepScore {
-    /// "soft": the soup as trained. "solid": the scene, or the given mesh, as an engine draws it. "file": the
-    /// same, written quantised and compressed, and read back. "splats": Gaussians as their trainers draw them.
+    /// "soft": the soup as trained. "solid": the scene, or the given mesh, as an engine draws it.
+    /// "file": the same, written quantised and compressed, and read back. "splats": Gaussians as
+    /// their trainers draw them.
     pub name: String,
     /// Number of triangles.
     pub triangles: u64,
@@ -63,8 +65,9 @@ pub struct StepScore {
     /// What one sees beside the cameras; absent without a solid surface.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beside: Option<BesideScores>,
-    /// Mean PSNR of drawings that are brought to the estimated exposure and white balance of each photo, dB: an estimate from tracked points,
-    /// never fitted to the picture. Absent where a photo has none.
+    /// Mean PSNR of drawings that are brought to the estimated exposure and white balance of each
+    /// photo, dB: an estimate from tracked points, never fitted to the picture. Absent where a
+    /// photo has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_own_exposure: Option<f64>,
     /// Photo by photo, in order of name.
@@ -82,8 +85,8 @@ pub struct Scores {
     pub ssim: f64,
     /// Mean FLIP error; lower is better.
     pub flip: f64,
-    /// PSNR after an affine map of the drawing's colours that is fitted to the photo, dB: without the error
-    /// of the photo's exposure and white balance.
+    /// PSNR after an affine map of the drawing's colours that is fitted to the photo, dB: without
+    /// the error of the photo's exposure and white balance.
     #[serde(default)]
     pub psnr_corrected: f64,
     /// SSIM after the same map.
@@ -151,8 +154,8 @@ fn measure_with(
     }
 }
 
-/// The same for a photo of an object: over black and over white, as in [`Quality::over_two`]. The picture is
-/// that over black. Colours are corrected on the object, not on the background.
+/// The same for a photo of an object: over black and over white, as in [`Quality::over_two`]. The
+/// picture is that over black. Colours are corrected on the object, not on the background.
 pub(super) fn measure_cut(
     step: &'static str,
     name: &str,
@@ -183,7 +186,8 @@ fn straight(black: &RgbImage, white: &RgbImage) -> RgbImage {
     RgbImage { alpha: Some(alpha), ..black.clone() }.undimmed()
 }
 
-/// Judges drawings of held-out photos only where at least two training photos look: what fewer show cannot be known.
+/// Judges drawings of held-out photos only where at least two training photos look: what fewer show
+/// cannot be known.
 pub(super) struct ShownTwice<'a> {
     mesh: Mesh,
     options: SolidRasterOptions,
@@ -194,8 +198,8 @@ pub(super) struct ShownTwice<'a> {
 }
 
 impl<'a> ShownTwice<'a> {
-    /// Of a `surface` in the data set's frame with its near plane, for the `views` of the data set; `photo_bytes` is the memory for
-    /// photos. `None` of photos of objects before nothing.
+    /// Of a `surface` in the data set's frame with its near plane, for the `views` of the data set;
+    /// `photo_bytes` is the memory for photos. `None` of photos of objects before nothing.
     pub(super) fn new(
         (mesh, near): (&Mesh, f32),
         dataset: &Dataset,
@@ -215,7 +219,8 @@ impl<'a> ShownTwice<'a> {
         })
     }
 
-    /// The name of view `i`, and the PSNR of its drawing, dB; `None` of one that shows nothing of the kind.
+    /// The name of view `i`, and the PSNR of its drawing, dB; `None` of one that shows nothing of
+    /// the kind.
     pub(super) fn psnr(&mut self, i: usize, picture: &RgbImage) -> Result<Option<(String, f64)>> {
         let View { name, camera, .. } = self.views[i];
         let photo = self.photos.take(i)?;

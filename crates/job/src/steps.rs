@@ -27,8 +27,8 @@ pub(super) struct EvalStep {
     pub renderer: SceneRenderer,
 }
 
-/// The steps of the scene of `path`. A mesh has one, solid; a soup has those of `options`, by default all
-/// three.
+/// The steps of the scene of `path`. A mesh has one, solid; a soup has those of `options`, by
+/// default all three.
 pub(super) fn steps(
     path: &Path,
     loaded: ImportedScene,
@@ -78,7 +78,9 @@ pub(super) fn steps(
 
 /// The one step of Gaussians, which are drawn as their trainers draw them.
 ///
-/// Errors: a mode of drawing triangles.
+/// # Errors
+///
+/// A mode of drawing triangles.
 pub(super) fn steps_of_splats(
     loaded: ImportedSplats,
     options: &RenderOptions,

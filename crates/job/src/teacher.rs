@@ -1,4 +1,5 @@
-//! The teacher: a soft scene that is trained first and drawn from between the photos. Decides whether a run has one, and how it is trained.
+//! The teacher: a soft scene that is trained first and drawn from between the photos. Decides
+//! whether a run has one, and how it is trained.
 
 use super::event::{Observer, on_drawn};
 use super::harden;
@@ -67,7 +68,8 @@ pub(super) fn enough(photos: usize) -> StepLimit {
 /// Limits of a teacher.
 pub(super) fn enough_for_teacher(photos: usize) -> StepLimit {
     let steps = TEACHER_STEPS_PER_PHOTO * photos as u64;
-    // A teacher shows large surfaces, so it gains more from a large number of steps on small photos than from few on large ones.
+    // A teacher shows large surfaces, so it gains more from a large number of steps on small photos
+    // than from few on large ones.
     StepLimit { steps: Some(steps), steps_of_full_photos: steps }
 }
 
@@ -114,8 +116,8 @@ impl TeacherPlan {
         }
     }
 
-    /// The plan of a resumed run on `photos` without a request. It has a teacher exactly when it began with one, kept at `kept` if
-    /// that is known.
+    /// The plan of a resumed run on `photos` without a request. It has a teacher exactly when it
+    /// began with one, kept at `kept` if that is known.
     pub fn resumed(checkpoint: &Checkpoint, photos: usize, kept: Option<&Path>) -> Self {
         // A run counts pictures of its teacher as photos.
         let was_taught = checkpoint.meta.identity.photos.len() > photos;
@@ -142,9 +144,12 @@ impl TeacherPlan {
 /// Extension of a teacher's file.
 pub const TEACHER_FILE: &str = "teacher.ply";
 
-/// `photos` and pictures of the soft `scene`, which get `share` of the steps of a run with `options`.
+/// `photos` and pictures of the soft `scene`, which get `share` of the steps of a run with
+/// `options`.
 ///
-/// Errors: no room on the disk.
+/// # Errors
+///
+/// No room on the disk.
 pub(super) fn with_pictures(
     photos: &Dataset,
     scene: &ImportedScene,
@@ -159,7 +164,9 @@ pub(super) fn with_pictures(
 
 /// The soft scene of a file.
 ///
-/// Errors: a file that cannot be read, a scene that is solid.
+/// # Errors
+///
+/// A file that cannot be read, a scene that is solid.
 pub(super) fn soft_scene(path: &Path, how: &DatasetOptions) -> Result<ImportedScene> {
     let scene = formats::read(path, &how.read_options(3))?;
     match harden::needless(&scene) {

@@ -17,7 +17,8 @@ use trisplat_train::{
     BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainRun, Trained, find_points,
 };
 
-/// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set before the run.
+/// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set
+/// before the run.
 ///
 /// ```
 /// use std::ops::ControlFlow::Continue;
@@ -42,13 +43,15 @@ use trisplat_train::{
 /// ```
 #[derive(Debug, Clone)]
 pub struct TrainJob {
-    /// The photos; held-out ones evaluate the scene. A scene that teaches itself: [`teacher::dataset`](trisplat_teacher::dataset()).
+    /// The photos; held-out ones evaluate the scene. A scene that teaches itself:
+    /// [`teacher::dataset`](trisplat_teacher::dataset()).
     pub dataset: Dataset,
     /// Options that they were read with.
     pub dataset_options: DatasetOptions,
     /// Training options and the layer of each; a resumed run has the options of its checkpoint.
     pub options: Layered<TrainOptions>,
-    /// Scene to start from instead of the data set's points; best with the options of [`TrainOptions::from_scene`].
+    /// Scene to start from instead of the data set's points; best with the options of
+    /// [`TrainOptions::from_scene`].
     pub from: Option<ImportedScene>,
     /// The requested teacher; `None`: none, or that of the resumed run.
     pub teacher: Option<TeacherSource>,
@@ -86,8 +89,8 @@ pub struct TrainDone {
 }
 
 impl TrainJob {
-    /// A new run without files on the way, on photos read with [`DatasetOptions::default`]. Options that differ
-    /// from those of their preset count as given.
+    /// A new run without files on the way, on photos read with [`DatasetOptions::default`]. Options
+    /// that differ from those of their preset count as given.
     pub fn new(dataset: Dataset, options: TrainOptions) -> Self {
         let preset = TrainOptions::preset(options.preset);
         Self {
@@ -108,7 +111,8 @@ impl TrainJob {
         }
     }
 
-    /// Gives the run this share of a CPU time from now on; without one, the steps of its options, which count as given: then equal jobs make equal bytes.
+    /// Gives the run this share of a CPU time from now on; without one, the steps of its options,
+    /// which count as given: then equal jobs make equal bytes.
     pub(super) fn limit(&mut self, cpu_time: Option<Seconds>, share: f64) {
         match cpu_time {
             Some(time) => {
@@ -126,9 +130,12 @@ impl TrainJob {
 
     /// Plans, prepares and runs the training, to the end or until `observer` stops it.
     ///
-    /// Errors: those of the preparation and of [`TrainRun::start_at`]; photos that cannot be decoded; options that the budget
-    /// chooses; an unreadable or solid teacher; a budget that is too small; a checkpoint of another run. [`Error::Stopped`] if it was
-    /// stopped before its own first step: nothing is written, and the run begins again.
+    /// # Errors
+    ///
+    /// Those of the preparation and of [`TrainRun::start_at`]; photos that cannot be decoded;
+    /// options that the budget chooses; an unreadable or solid teacher; a budget that is too small;
+    /// a checkpoint of another run. [`Error::Stopped`] if it was stopped before its own first step:
+    /// nothing is written, and the run begins again.
     pub fn run(mut self, observer: Observer<'_>) -> Result<TrainDone> {
         let began = self.began.unwrap_or_else(Instant::now);
         if self.from.is_none() {
@@ -219,8 +226,8 @@ impl TrainJob {
         pace.summary() + end
     }
 
-    /// Decides how far photos are corrected in exposure, unless the options say it or the scene to start from does; returns the stage of
-    /// the report.
+    /// Decides how far photos are corrected in exposure, unless the options say it or the scene to
+    /// start from does; returns the stage of the report.
     ///
     /// # Errors
     ///
@@ -284,9 +291,12 @@ impl TrainJob {
         }
     }
 
-    /// Trains a teacher, with the report's stage. The limit of CPU seconds is that of the run's own steps.
+    /// Trains a teacher, with the report's stage. The limit of CPU seconds is that of the run's own
+    /// steps.
     ///
-    /// Errors: those of a training; a stopped training; a budget that is too small.
+    /// # Errors
+    ///
+    /// Those of a training; a stopped training; a budget that is too small.
     fn train_teacher(
         &self,
         began: Instant,
@@ -333,7 +343,9 @@ impl TrainJob {
 
     /// Measures the machine and chooses steps, triangles and the size of photos, within `enough`.
     ///
-    /// Errors: those of the first steps; photos that cannot be decoded; a budget that is too small.
+    /// # Errors
+    ///
+    /// Those of the first steps; photos that cannot be decoded; a budget that is too small.
     fn keep_to_budget(&mut self, enough: StepLimit, began: Instant) -> Result<Option<Paced>> {
         let triangles_given = self.options.is_given("max_triangles");
         let Some(budget) = self.budget else {
@@ -405,17 +417,17 @@ fn with_fewer_steps(
     TrainOptions { steps: steps.max(1), max_triangles, ..options.clone() }
 }
 
-/// Options for reading the data set of a resumed run: a budget may have chosen the size of its photos.
+/// Options for reading the data set of a resumed run: a budget may have chosen the size of its
+/// photos.
 pub fn reading(how: &DatasetOptions, resume: Option<&Checkpoint>) -> DatasetOptions {
     let chosen = resume.and_then(|point| point.meta.pace.as_ref()?.plan.max_size);
     DatasetOptions { max_size: how.max_size.or(chosen), ..how.clone() }
 }
 
-/// Trains a soup on the photos of `dataset` that are not held out, as the command `train` does. `observer` is told of every
-/// step; `ControlFlow::Break` stops the training, whose result is then the scene so far, with `stopped` set.
-/// [`TrainJob`] has everything that can be asked for beside the options.
-///
-/// Errors: options out of range, no training photos, photos that cannot be decoded; a stop before the scene's first step.
+/// Trains a soup on the photos of `dataset` that are not held out, as the command `train` does.
+/// `observer` is told of every step; `ControlFlow::Break` stops the training, whose result is then
+/// the scene so far, with `stopped` set. [`TrainJob`] has everything that can be asked for beside
+/// the options.
 ///
 /// ```no_run
 /// use std::ops::ControlFlow;
@@ -428,6 +440,11 @@ pub fn reading(how: &DatasetOptions, resume: Option<&Checkpoint>) -> DatasetOpti
 /// trained.save("scene.ply")?;
 /// # Ok::<(), trisplat_scene::Error>(())
 /// ```
+///
+/// # Errors
+///
+/// Options out of range, no training photos, photos that cannot be decoded; a stop before the
+/// scene's first step.
 pub fn train(dataset: &Dataset, options: &TrainOptions, observer: Observer<'_>) -> Result<Trained> {
     Ok(TrainJob::new(dataset.clone(), options.clone()).run(observer)?.trained)
 }

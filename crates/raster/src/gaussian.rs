@@ -1,7 +1,8 @@
-//! The rasteriser of Gaussian splats, forward only (Kerbl et al. 2023; Zwicker et al. 2001): projected as ellipses, blended in order of depth.
+//! The rasteriser of Gaussian splats, forward only (Kerbl et al. 2023; Zwicker et al. 2001):
+//! projected as ellipses, blended in order of depth.
 //!
-//! Memory per frame: 104 bytes per Gaussian in view, 8 per Gaussian and row of tiles that it touches, and 4 per
-//! Gaussian and tile for the rows that are being drawn, one per thread.
+//! Memory per frame: 104 bytes per Gaussian in view, 8 per Gaussian and row of tiles that it
+//! touches, and 4 per Gaussian and tile for the rows that are being drawn, one per thread.
 
 mod ellipse;
 
@@ -28,12 +29,14 @@ const CENTRES: [f32; LANES] =
 /// Alpha far below the cut-off, where the lanes' exponential is still defined.
 const LEAST_POWER: f32 = -64.0;
 
-/// What a camera sees of Gaussians; colours sRGB-encoded, as they were trained. The same bits for any number of threads.
+/// What a camera sees of Gaussians; colours sRGB-encoded, as they were trained. The same bits for
+/// any number of threads.
 pub fn draw(splats: &Splats, camera: &Camera, options: &GaussianOptions) -> Frame {
     draw_and_weigh(splats, camera, options, None)
 }
 
-/// The same. Adds to `weights` what each Gaussian contributes: its blending weight, summed over the pixels. `[N]`
+/// The same. Adds to `weights` what each Gaussian contributes: its blending weight, summed over the
+/// pixels. `[N]`
 pub fn draw_and_weigh(
     splats: &Splats,
     camera: &Camera,
@@ -142,12 +145,14 @@ impl Work for DrawTile<'_> {
 }
 
 impl DrawTile<'_> {
-    /// Adds one ellipse to the lines that have not ended. Returns the sum of its weights if it is asked for.
+    /// Adds one ellipse to the lines that have not ended. Returns the sum of its weights if it is
+    /// asked for.
     #[inline(always)]
     fn blend<L: Lanes>(&self, ellipse: &Ellipse, pixels: &mut TilePixels, alive: &mut u32) -> f32 {
         let offset = self.corner - ellipse.middle;
         let half = ellipse.half_height();
-        // Lines whose pixel centres lie within the height; more are harmless, because each pixel is tested.
+        // Lines whose pixel centres lie within the height; more are harmless, because each pixel is
+        // tested.
         let first = (-half - offset.y - 0.5).floor().max(0.0) as usize;
         let last = (half - offset.y - 0.5).ceil().min(LINES as f32 - 1.0);
         let mut sums = L::splat(0.0);

@@ -1,4 +1,5 @@
-//! The paper's formulas: pure functions, no buffers, no I/O. Each has a twin in WGSL beside it, for a graphics card.
+//! The paper's formulas: pure functions, no buffers, no I/O. Each has a twin in WGSL beside it, for
+//! a graphics card.
 
 pub mod loss;
 pub mod normal;
@@ -35,7 +36,7 @@ pub fn wgsl_library() -> String {
     out
 }
 
-// ---- Adam (Kingma and Ba 2015) as 3DGS runs it: eps 1e-15, one rate per group, betas 0.9 and 0.999 ----
+// ---- Adam (Kingma and Ba 2015) as 3DGS runs it: eps 1e-15, one rate per group, betas 0.9 and 0.999
 
 /// Decay of the first moment.
 const BETA1: f32 = 0.9;

@@ -52,7 +52,8 @@ impl SoftRasterizer {
         self.render_counting(soup, camera, options, None)
     }
 
-    /// The same picture; only `counted` pixels add to the importance of triangles, all if there is none.
+    /// The same picture; only `counted` pixels add to the importance of triangles, all if there is
+    /// none.
     pub fn render_counting(
         &mut self,
         soup: &SoupRef,
@@ -98,8 +99,8 @@ impl SoftRasterizer {
         &self.frame
     }
 
-    /// Adds the last frame, drawn with `options.importance`, to `out`; `out` starts anew if its number of
-    /// triangles differs.
+    /// Adds the last frame, drawn with `options.importance`, to `out`; `out` starts anew if its
+    /// number of triangles differs.
     pub fn accumulate_importance(&self, out: &mut Importance) {
         out.accumulate(&self.projection, &self.tiles, &self.weights);
     }
@@ -150,12 +151,13 @@ fn fill<T: Send>(
     });
 }
 
-// ---- Deep scenes are drawn slab by slab, so that memory and time grow with the visible layers only ----
+// ---- Deep scenes are drawn slab by slab, so that memory and time grow with the visible layers only
 //
-// Splats are drawn front to back; once every pixel of a tile has terminated, nothing behind needs a place in
-// its list. A list of all (splat, tile) pairs cannot use this: 100,000 triangles that fill 1280x720 px have
-// 360 million pairs. A frame with more pairs than `PAIRS_PER_SLAB` is therefore drawn in several slabs of
-// splats, and closed tiles are omitted from later ones. Pixels, weights and gradients are bitwise the same.
+// Splats are drawn front to back; once every pixel of a tile has terminated, nothing behind needs a
+// place in its list. A list of all (splat, tile) pairs cannot use this: 100,000 triangles that fill
+// 1280x720 px have 360 million pairs. A frame with more pairs than `PAIRS_PER_SLAB` is therefore
+// drawn in several slabs of splats, and closed tiles are omitted from later ones. Pixels, weights
+// and gradients are bitwise the same.
 
 /// Most pairs of a slab; each takes 20 bytes while it is drawn.
 const PAIRS_PER_SLAB: u64 = 1 << 24;
@@ -182,7 +184,8 @@ fn next_slab(splats: &Splats, from: usize, open: &OpenTiles, pairs: u64) -> Rang
 }
 
 impl SoftRasterizer {
-    /// Draws all splats like [`forward::draw`], at most `pairs` of splats and tiles at once, without undrawn pairs.
+    /// Draws all splats like [`forward::draw`], at most `pairs` of splats and tiles at once,
+    /// without undrawn pairs.
     fn draw_slabs(
         &mut self,
         size: UVec2,

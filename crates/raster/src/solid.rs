@@ -7,15 +7,17 @@
 //!
 //! Every other renderer of this project is compared with this definition:
 //!
-//! * A triangle is clipped at the near plane and at a guard band far outside the picture; opacity is
-//!   ignored: everything is opaque. Single-sided faces whose corners run clockwise in the picture are not drawn.
-//! * Corners are snapped to 1/256 of a sample, as GPUs do; from there on edge functions are exact, so a shared
-//!   edge neither gaps nor overlaps. A sample on an edge belongs to the triangle for which it is a top or left edge.
+//! * A triangle is clipped at the near plane and at a guard band far outside the picture; opacity
+//!   is ignored: everything is opaque. Single-sided faces whose corners run clockwise in the
+//!   picture are not drawn.
+//! * Corners are snapped to 1/256 of a sample, as GPUs do; from there on edge functions are exact,
+//!   so a shared edge neither gaps nor overlaps. A sample on an edge belongs to the triangle for
+//!   which it is a top or left edge.
 //! * Samples lie at the centres of a regular grid of N x N per pixel.
-//! * The nearest face wins: greatest 1/z, which is affine on the screen; ties go to the lower face index. This
-//!   does not depend on the order of drawing, hence not on the number of threads.
-//! * Colours are interpolated perspective-correctly in linear light, averaged over a pixel's samples in linear
-//!   light, then sRGB-encoded and rounded.
+//! * The nearest face wins: greatest 1/z, which is affine on the screen; ties go to the lower face
+//!   index. This does not depend on the order of drawing, hence not on the number of threads.
+//! * Colours are interpolated perspective-correctly in linear light, averaged over a pixel's
+//!   samples in linear light, then sRGB-encoded and rounded.
 
 mod bin;
 mod fill;
@@ -40,7 +42,8 @@ use trisplat_scene::math::lanes::dispatch;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{Error, Result, parallel};
 
-/// Largest number of samples along an axis of the picture: beyond it f32 cannot resolve 1/256 of a sample.
+/// Largest number of samples along an axis of the picture: beyond it f32 cannot resolve 1/256 of a
+/// sample.
 const MAX_SAMPLES: u32 = 1 << 15;
 
 /// How to draw.
@@ -98,7 +101,8 @@ impl SolidRasterizer {
 
     /// The picture of `camera`, in 8 bits. The same bytes for any number of threads.
     ///
-    /// The mesh must be valid ([`Mesh::validate_shape`]) and the options valid for the camera's size.
+    /// The mesh must be valid ([`Mesh::validate_shape`]) and the options valid for the camera's
+    /// size.
     pub fn render(
         &mut self,
         mesh: &Mesh,
@@ -163,8 +167,8 @@ impl SolidRasterizer {
         &self.visibility
     }
 
-    /// The nearest face of each plane at every sample: face f belongs to plane `plane_of[f]` of `planes`.
-    /// Tiles are given to `on_tile` several at a time and in any order. `[F]`
+    /// The nearest face of each plane at every sample: face f belongs to plane `plane_of[f]` of
+    /// `planes`. Tiles are given to `on_tile` several at a time and in any order. `[F]`
     pub fn planes(
         &mut self,
         mesh: &Mesh,
@@ -196,7 +200,8 @@ struct Faces<'a> {
 }
 
 impl<'a> Faces<'a> {
-    /// Bins the faces of a mesh; if these are too many for one round, draws those in the bins into the keys of all tiles.
+    /// Bins the faces of a mesh; if these are too many for one round, draws those in the bins into
+    /// the keys of all tiles.
     fn new(
         solid: &'a mut SolidRasterizer,
         mesh: &Mesh,
@@ -290,7 +295,8 @@ mod tests {
         }
     }
 
-    /// Triangles of all sizes, many of them across the picture, tilted and level, some through the near plane.
+    /// Triangles of all sizes, many of them across the picture, tilted and level, some through the
+    /// near plane.
     fn deep(faces: u64) -> Mesh {
         let mut positions = Vec::new();
         let mut colors = Vec::new();

@@ -1,4 +1,5 @@
-//! Which photos each block gets: those that show it in drawings of the coarse scene, each cropped to the part that shows it.
+//! Which photos each block gets: those that show it in drawings of the coarse scene, each cropped
+//! to the part that shows it.
 
 use super::manifest::{Block, BlockPhoto};
 use super::region::Region;
@@ -20,10 +21,12 @@ const LEAST_WEIGHT: f32 = 1e-3;
 const LEFT_OUT: f32 = 0.005;
 /// Margin of a crop, px, so that the windows of SSIM are whole.
 const MARGIN_PX: f32 = 8.0;
-/// Corners of crops are multiples of this, px, so that they stay integers when photos are halved twice.
+/// Corners of crops are multiples of this, px, so that they stay integers when photos are halved
+/// twice.
 const ALIGNED_PX: u32 = 4;
 
-/// A block with fewer photos than this gets those that show most of it, however little: one photo gives no depth.
+/// A block with fewer photos than this gets those that show most of it, however little: one photo
+/// gives no depth.
 const FEWEST_PHOTOS: usize = 3;
 /// Triangles of a cell: the box of fewer is looked at as long as they are drawn.
 const CELL: usize = 64;
@@ -63,7 +66,9 @@ struct SeenBlock {
 
 /// Gives each of `blocks` its photos among `views`; one that no photo shows has none.
 ///
-/// Errors: no photo shows any.
+/// # Errors
+///
+/// No photo shows any.
 pub(super) fn assign(
     blocks: &mut [Block],
     views: &[&View],
@@ -173,7 +178,8 @@ impl<'a> Coverage<'a> {
         seen_blocks
     }
 
-    /// Draws what the camera may see small and weighs its triangles; returns the camera of the drawing.
+    /// Draws what the camera may see small and weighs its triangles; returns the camera of the
+    /// drawing.
     fn draw(&self, brush: &mut Brush, camera: &Camera) -> Camera {
         let small = self.space.camera_to_training(camera).within(LONGEST_PX);
         brush.take(&self.cells, &small);
@@ -184,7 +190,8 @@ impl<'a> Coverage<'a> {
         small
     }
 
-    /// How much of each pixel of the last drawing, by `camera`, shows each of up to three regions. `[H * W]`
+    /// How much of each pixel of the last drawing, by `camera`, shows each of up to three regions.
+    /// `[H * W]`
     fn shown(&self, brush: &mut Brush, camera: &Camera, regions: &[&Region]) -> Vec<[f32; 3]> {
         for (sh, i) in brush.soup.sh.iter_mut().zip(&brush.numbers) {
             let point = self.middles[*i as usize];
@@ -217,7 +224,8 @@ impl Brush {
     }
 }
 
-/// The part of a photo of `full` px that holds a channel of a small drawing, without a small share on each side.
+/// The part of a photo of `full` px that holds a channel of a small drawing, without a small share
+/// on each side.
 fn part_of(shown: &[[f32; 3]], channel: usize, small: UVec2, full: UVec2) -> (UVec2, UVec2) {
     let mut columns = vec![0.0; small.x as usize];
     let mut rows = vec![0.0; small.y as usize];
@@ -296,7 +304,8 @@ impl Cells {
         Self { soup, numbers, boxes }
     }
 
-    /// The triangles of the cells that `camera` may have in its picture, as runs of neighbouring cells.
+    /// The triangles of the cells that `camera` may have in its picture, as runs of neighbouring
+    /// cells.
     fn within(&self, camera: &Camera) -> Vec<Range<usize>> {
         let sides = sides(camera);
         let mut runs: Vec<Range<usize>> = Vec::new();
@@ -316,7 +325,8 @@ impl Cells {
     }
 }
 
-/// The five sides of what a camera sees: their normals in its space, inwards, and for a box of the world how far it reaches along each.
+/// The five sides of what a camera sees: their normals in its space, inwards, and for a box of the
+/// world how far it reaches along each.
 fn sides(camera: &Camera) -> [(Vec3, Vec3); 5] {
     let Vec2 { x: fx, y: fy } = camera.focal;
     let low = camera.center + REACH_PX;

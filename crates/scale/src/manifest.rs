@@ -1,4 +1,5 @@
-//! The plan of a scene that is trained in blocks: `manifest.json`, which every task reads and none writes.
+//! The plan of a scene that is trained in blocks: `manifest.json`, which every task reads and none
+//! writes.
 
 use crate::region::Region;
 use glam::{UVec2, Vec3};
@@ -36,7 +37,8 @@ pub struct Manifest {
     pub format: u32,
     /// Program and version; tasks of another version refuse the plan, as their bytes may be others.
     pub generator: String,
-    /// The data set, relative to the folder of this file: the one thing here that says where photos lie.
+    /// The data set, relative to the folder of this file: the one thing here that says where photos
+    /// lie.
     pub dataset: String,
     /// How it is read.
     pub dataset_options: DatasetOptions,
@@ -54,7 +56,8 @@ pub struct Manifest {
     pub options: TrainOptions,
     /// The photos to train on, in order of name.
     pub photos: Vec<PlannedPhoto>,
-    /// The blocks. Those that one cut made follow each other: the first half of them, rounded up, is below the first cut.
+    /// The blocks. Those that one cut made follow each other: the first half of them, rounded up,
+    /// is below the first cut.
     pub blocks: Vec<Block>,
 }
 
@@ -80,7 +83,8 @@ pub struct Block {
     pub halo: Region,
     /// The photos that show it.
     pub photos: Vec<BlockPhoto>,
-    /// What it starts from: first triangles that are only drawn, then its part of the shell, then those it trains. None of a plain run.
+    /// What it starts from: first triangles that are only drawn, then its part of the shell, then
+    /// those it trains. None of a plain run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start: Option<Source>,
     /// Number of triangles at the front of `start` that are drawn but not trained.
@@ -165,7 +169,9 @@ impl Manifest {
 
     /// Reads the plan at `path`, its file or its folder; returns it and its folder.
     ///
-    /// Errors: a file that is broken or no plan, or of another version of trisplat.
+    /// # Errors
+    ///
+    /// A file that is broken or no plan, or of another version of trisplat.
     pub fn read(path: &Path, limits: &Limits) -> Result<(Self, PathBuf)> {
         let path = if path.is_dir() { path.join(NAME) } else { path.to_owned() };
         let text = input::read_text(&path, limits)?;
@@ -217,9 +223,12 @@ impl Manifest {
         Ok(())
     }
 
-    /// Writes the plan into `file`, which then names all others, and removes those of an earlier plan in its folder.
+    /// Writes the plan into `file`, which then names all others, and removes those of an earlier
+    /// plan in its folder.
     ///
-    /// Errors: what the operating system refuses.
+    /// # Errors
+    ///
+    /// What the operating system refuses.
     pub fn write(&self, file: AtomicFile) -> Result<()> {
         let path = file.path().to_owned();
         let text = serde_json::to_string_pretty(self)
@@ -235,7 +244,8 @@ impl Manifest {
         self.blocks.iter().filter_map(|block| block.start.as_ref()).chain(&self.coarse)
     }
 
-    /// All files that belong to this plan in `folder`: what it names, and the results of its blocks, which may be missing.
+    /// All files that belong to this plan in `folder`: what it names, and the results of its
+    /// blocks, which may be missing.
     pub fn files(&self, folder: &Path) -> Vec<PathBuf> {
         let sources = self.sources().map(|source| source.file.clone());
         let endings = ["ply", "checkpoint"];
@@ -251,8 +261,9 @@ impl Manifest {
     }
 }
 
-/// Whether a file of this name is what a block starts from or a coarse scene, finished or while it is made. The hash at the end of a
-/// finished one is that of its bytes, which [`sweep_folder`] compares.
+/// Whether a file of this name is what a block starts from or a coarse scene, finished or while it
+/// is made. The hash at the end of a finished one is that of its bytes, which [`sweep_folder`]
+/// compares.
 fn is_of_a_plan(name: &str) -> bool {
     let Some(stem) = name.strip_suffix(".ply") else { return false };
     let is_hex = |text: &str| text.len() >= 4 && text.bytes().all(|b| b.is_ascii_hexdigit());
@@ -287,7 +298,7 @@ impl BlockPhoto {
     }
 }
 
-// ---- How a scene is cut into blocks, declared once ---------------------------------------------------
+// ---- How a scene is cut into blocks, declared once ----------------------------------------------
 
 /// How a scene is cut into blocks.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -299,7 +310,8 @@ pub struct PlanOptions {
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536)))]
     #[schemars(range(min = 1, max = 65_536))]
     pub blocks: Option<u32>,
-    /// Width of the margin around a block that is trained with it, as a share of the block's extent.
+    /// Width of the margin around a block that is trained with it, as a share of the block's
+    /// extent.
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = PlanOptions::DEFAULT.halo))]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub halo: f64,
@@ -311,12 +323,14 @@ pub struct PlanOptions {
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = PlanOptions::DEFAULT.block_photos))]
     #[schemars(range(max = 1_000_000))]
     pub block_photos: u32,
-    /// How often a block looks at each of its photos, as a share of how often a plain run does. 0: all blocks together draw
-    /// 1.5 times the pixels of a plain run, which takes about as long, and no block looks more often than that run.
+    /// How often a block looks at each of its photos, as a share of how often a plain run does. 0:
+    /// all blocks together draw 1.5 times the pixels of a plain run, which takes about as long, and
+    /// no block looks more often than that run.
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = PlanOptions::DEFAULT.passes))]
     #[schemars(range(min = 0.0, max = 100.0))]
     pub passes: f64,
-    /// Steps of the coarse scene, the first three fifths of the schedule; 0: three fifths of --steps.
+    /// Steps of the coarse scene, the first three fifths of the schedule; 0: three fifths of
+    /// --steps.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = PlanOptions::DEFAULT.coarse_steps))]
     #[schemars(range(max = 1_000_000_000))]
     pub coarse_steps: u64,
@@ -345,7 +359,9 @@ impl PlanOptions {
 
     /// Number of blocks.
     ///
-    /// Errors: none is set.
+    /// # Errors
+    ///
+    /// None is set.
     pub(super) fn count(&self) -> Result<usize> {
         let count = self
             .blocks
@@ -356,7 +372,7 @@ impl PlanOptions {
 
 trisplat_scene::default!(PlanOptions);
 
-// ---- Soups of a plan: their names end with the hash of their bytes, so that they replace nothing ------
+// ---- Soups of a plan: their names end with the hash of their bytes, so that they replace nothing
 
 /// Bytes read at a time.
 const BUFFER: usize = 1 << 20;
@@ -375,7 +391,9 @@ pub struct Source {
 
 /// The hash of a file's bytes.
 ///
-/// Errors: what the operating system refuses; no regular file.
+/// # Errors
+///
+/// What the operating system refuses; no regular file.
 pub(super) fn hash_of_file(path: &Path, limits: &Limits) -> Result<String> {
     let (mut file, _) = input::open(path, limits)?;
     let mut hash = Xxh3Default::new();
@@ -400,9 +418,12 @@ pub(super) fn digits(hash: u64) -> String {
     format!("{hash:016x}")
 }
 
-/// Writes a soup as `NAME-HASH.ply` where `path` is `NAME.ply`, for the file `naming` that names it.
+/// Writes a soup as `NAME-HASH.ply` where `path` is `NAME.ply`, for the file `naming` that names
+/// it.
 ///
-/// Errors: a file of that name with other bytes; what the operating system refuses.
+/// # Errors
+///
+/// A file of that name with other bytes; what the operating system refuses.
 pub(super) fn write(
     path: &Path,
     (soup, provenance, cameras): (&Soup, &Provenance, &[Camera]),

@@ -1,4 +1,5 @@
-//! Blocks become one scene again: of each, the triangles whose middle is in its core. One block is in memory at a time.
+//! Blocks become one scene again: of each, the triangles whose middle is in its core. One block is
+//! in memory at a time.
 
 use crate::manifest::{self, Manifest, NAME};
 use crate::region::halves;
@@ -32,7 +33,9 @@ pub struct Blocks {
 impl Blocks {
     /// Of the plan at `path`, its file or folder.
     ///
-    /// Errors: those of [`Manifest::read`]; blocks that are not trained yet.
+    /// # Errors
+    ///
+    /// Those of [`Manifest::read`]; blocks that are not trained yet.
     pub fn open(path: &Path, limits: &Limits) -> Result<Self> {
         let (manifest, folder) = Manifest::read(path, limits)?;
         let blocks = Self { manifest, folder, limits: *limits };
@@ -101,10 +104,12 @@ impl Blocks {
         all.into_values().collect()
     }
 
-    /// Writes the scene into a file that was started and has yet to be given its name; one block is in memory at a time. Returns its
-    /// number of triangles.
+    /// Writes the scene into a file that was started and has yet to be given its name; one block is
+    /// in memory at a time. Returns its number of triangles.
     ///
-    /// Errors: blocks that cannot be read; what the operating system refuses.
+    /// # Errors
+    ///
+    /// Blocks that cannot be read; what the operating system refuses.
     pub fn merge_into(&self, file: &mut AtomicFile) -> Result<u64> {
         let mut shell = Soup::default();
         let mut cameras = Vec::new();
@@ -135,7 +140,8 @@ impl Blocks {
         Ok(count as u64)
     }
 
-    /// What each block owns, without the shell, one block after the other, with colours up to `degree`.
+    /// What each block owns, without the shell, one block after the other, with colours up to
+    /// `degree`.
     fn each(&self, degree: u8, mut take: impl FnMut(&Soup) -> Result<()>) -> Result<()> {
         (0..self.count()).try_for_each(|index| {
             let mut rest = self.read(index)?.rest;
@@ -158,7 +164,7 @@ pub(super) struct OwnedBlock {
     pub cameras: Vec<Camera>,
 }
 
-// ---- The blocks of a scene as one tileset ------------------------------------------------------------
+// ---- The blocks of a scene as one tileset -------------------------------------------------------
 
 /// What was written.
 #[derive(Debug, Clone, PartialEq)]
@@ -179,7 +185,9 @@ struct Node {
 
 /// Bakes `blocks` into the tileset `path`; calls `done` after each block.
 ///
-/// Errors: those of a bake; what the operating system refuses.
+/// # Errors
+///
+/// Those of a bake; what the operating system refuses.
 pub fn bake_tiles(
     blocks: &Blocks,
     path: &Path,

@@ -1,4 +1,5 @@
-//! The plan: cuts a scene into blocks by its coarse scene, gives them photos, and writes what each starts from.
+//! The plan: cuts a scene into blocks by its coarse scene, gives them photos, and writes what each
+//! starts from.
 
 use super::cover::{Coverage, assign, middles, owners, visible};
 use super::manifest::{Block, BlockPhoto, Expected, FORMAT, Manifest, PlannedPhoto};
@@ -12,12 +13,13 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::{Error, ImportedScene, Result, Scene, SceneNormalization, Soup, parallel};
 use trisplat_train::{REFERENCE_STEPS, RunIdentity, Schedule, TrainOptions, Trained};
 
-/// Where the coarse scene ends and the blocks continue, steps of a 30,000-step run: late, as all photos together show more than those of a
-/// block, but before triangles become opaque.
+/// Where the coarse scene ends and the blocks continue, steps of a 30,000-step run: late, as all
+/// photos together show more than those of a block, but before triangles become opaque.
 const GOES_ON_AT: f64 = 18_000.0;
 /// Default share of a plain run's triangles that the coarse scene has: one in this many.
 const COARSE_TRIANGLES: u64 = 2;
-/// By default blocks together draw this many times the pixels of a plain run, because each step has fewer triangles.
+/// By default blocks together draw this many times the pixels of a plain run, because each step has
+/// fewer triangles.
 const PIXELS: f64 = 1.5;
 /// Bytes of an idle process. This and the following were fitted to blocks of a town.
 const IDLE_BYTES: f64 = 15e6;
@@ -29,9 +31,11 @@ const PER_TRIANGLE: f64 = 250.0;
 const GEOMETRY: f64 = 11.0;
 /// Bytes per pixel of the largest photo, for the forward and backward pass.
 const PER_PIXEL: f64 = 450.0;
-/// CPU seconds of a step: a constant, per pixel, per trained triangle, and per triangle that is only drawn.
+/// CPU seconds of a step: a constant, per pixel, per trained triangle, and per triangle that is
+/// only drawn.
 const STEP_SECS: [f64; 4] = [1.1e-3, 0.1e-6, 0.6e-6, 0.2e-6];
-/// Triangles around a core may grow by this factor relative to the coarse scene, compared with those in the core.
+/// Triangles around a core may grow by this factor relative to the coarse scene, compared with
+/// those in the core.
 const HALO_ROOM: f64 = 2.0;
 
 /// Makes a plan of a data set.
@@ -47,10 +51,12 @@ pub struct Planner<'a> {
     pub whole: &'a TrainOptions,
 }
 
-/// Refuses what no photo is needed to refuse: options out of range, and blocks that would take more than `max_bytes` were they all alike and
-/// had no photos. Returns the number of blocks.
+/// Refuses what no photo is needed to refuse: options out of range, and blocks that would take more
+/// than `max_bytes` were they all alike and had no photos. Returns the number of blocks.
 ///
-/// Errors: those.
+/// # Errors
+///
+/// Those.
 pub fn check(options: &PlanOptions, whole: &TrainOptions, max_bytes: Option<u64>) -> Result<usize> {
     options.validate()?;
     whole.validate()?;
@@ -63,8 +69,8 @@ pub fn check(options: &PlanOptions, whole: &TrainOptions, max_bytes: Option<u64>
 }
 
 impl Planner<'_> {
-    /// How the coarse scene is trained, and after which step it ends: the first part of a plain run with fewer triangles; `None` when there is
-    /// one block, which needs none.
+    /// How the coarse scene is trained, and after which step it ends: the first part of a plain run
+    /// with fewer triangles; `None` when there is one block, which needs none.
     pub fn coarse_options(&self) -> Result<Option<(TrainOptions, u64)>> {
         if self.options.count()? == 1 {
             return Ok(None);
@@ -81,10 +87,13 @@ impl Planner<'_> {
         Ok(Some((TrainOptions { steps: whole, max_triangles, ..self.whole.clone() }, steps)))
     }
 
-    /// The name of the coarse scene's file while it is made, with a hash of what it is made of. The finished file has
-    /// a hash of its bytes behind that: [`keep_coarse`], [`find_coarse`](super::find_coarse).
+    /// The name of the coarse scene's file while it is made, with a hash of what it is made of. The
+    /// finished file has a hash of its bytes behind that: [`keep_coarse`],
+    /// [`find_coarse`](super::find_coarse).
     ///
-    /// Errors: photos that cannot be read.
+    /// # Errors
+    ///
+    /// Photos that cannot be read.
     pub fn coarse_name(
         &self,
         coarse: &(TrainOptions, u64),
@@ -97,14 +106,18 @@ impl Planner<'_> {
 
     /// The data set as a plan in `folder` names it.
     ///
-    /// Errors: a path that is not UTF-8; one that does not exist.
+    /// # Errors
+    ///
+    /// A path that is not UTF-8; one that does not exist.
     pub fn address(&self, folder: &Path) -> Result<String> {
         relative(folder, &self.dataset.path)
     }
 
     /// The photos to train on, with the hashes of their files.
     ///
-    /// Errors: photos that cannot be read.
+    /// # Errors
+    ///
+    /// Photos that cannot be read.
     pub fn photos(&self) -> Result<Vec<PlannedPhoto>> {
         planned_photos(self.dataset, self.dataset_options)
     }
@@ -113,12 +126,15 @@ impl Planner<'_> {
         digits(RunIdentity::of(self.dataset, self.dataset_options.background.to_f32(), None).points)
     }
 
-    /// The plan, for the folder of `file`, its own; what blocks start from is written there. `coarse` is the file, in this folder, and the
-    /// content of the coarse scene.
+    /// The plan, for the folder of `file`, its own; what blocks start from is written there.
+    /// `coarse` is the file, in this folder, and the content of the coarse scene.
     ///
     /// Blocks that no photo shows are left out: there may be fewer than the options ask for.
     ///
-    /// Errors: no photo shows any block; one that is expected to take more than `max_bytes`; what the operating system refuses.
+    /// # Errors
+    ///
+    /// No photo shows any block; one that is expected to take more than `max_bytes`; what the
+    /// operating system refuses.
     pub fn plan(
         &self,
         file: &mut AtomicFile,
@@ -190,7 +206,9 @@ impl Planner<'_> {
 
 /// Writes the coarse scene that was begun as `path`; returns the path of the finished file.
 ///
-/// Errors: a file of that name with other bytes; what the operating system refuses.
+/// # Errors
+///
+/// A file of that name with other bytes; what the operating system refuses.
 pub fn keep_coarse(path: &Path, trained: &Trained) -> Result<PathBuf> {
     let parts = (&trained.soup, &trained.provenance, &trained.cameras[..]);
     manifest::write(path, parts, None).map(|(path, _)| path)
@@ -328,8 +346,8 @@ impl<'a> Cutter<'a> {
         (0..self.soup.len()).filter(|i| !self.soup.is_shell(*i))
     }
 
-    /// How often blocks look at their photos, as a share of how often a plain run does. By default all of them together draw
-    /// 1.5 times as many pixels.
+    /// How often blocks look at their photos, as a share of how often a plain run does. By default
+    /// all of them together draw 1.5 times as many pixels.
     fn passes(&self, blocks: &[Block]) -> f64 {
         let pixels = |size: UVec2| size.as_dvec2().element_product();
         let whole: f64 = self.cameras.iter().map(|camera| pixels(camera.size)).sum();
@@ -343,7 +361,8 @@ impl<'a> Cutter<'a> {
         }
     }
 
-    /// The triangles of the whole scene, shared out among the cores that photos show as those of the coarse scene are. `[blocks]`
+    /// The triangles of the whole scene, shared out among the cores that photos show as those of
+    /// the coarse scene are. `[blocks]`
     fn core_triangles(&self, owners: &[u32], blocks: &[Block]) -> Vec<u64> {
         let mut held = vec![0u128; blocks.len()];
         owners.iter().for_each(|owner| held[*owner as usize] += 1);
@@ -371,7 +390,8 @@ impl<'a> Cutter<'a> {
         max_bytes: Option<u64>,
     ) -> Result<()> {
         let is_shell = |i: usize| self.soup.is_shell(i);
-        // None that is only drawn may reach into the halo: what it hides would be missing once it is gone.
+        // None that is only drawn may reach into the halo: what it hides would be missing once it
+        // is gone.
         let is_trained = |i: usize| match is_shell(i) {
             true => block.core.contains(self.middles[i]),
             false => block.halo.touches(&self.soup.vertices[i]),
@@ -397,8 +417,8 @@ impl<'a> Cutter<'a> {
         Ok(())
     }
 
-    /// Writes triangles of the coarse scene, in this order, as the start of block `index`. Its name holds the hash of its bytes, so that
-    /// it replaces nothing; `manifest` names it.
+    /// Writes triangles of the coarse scene, in this order, as the start of block `index`. Its name
+    /// holds the hash of its bytes, so that it replaces nothing; `manifest` names it.
     fn write_start(
         &self,
         index: usize,

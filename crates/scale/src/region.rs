@@ -1,8 +1,9 @@
-//! Boxes of the world whose sides may be open, and how a scene is cut into them: about as many triangles in each, again and again across
-//! the longest extent.
+//! Boxes of the world whose sides may be open, and how a scene is cut into them: about as many
+//! triangles in each, again and again across the longest extent.
 //!
-//! What is far outside of where photos were taken is contracted (as in Barron et al. 2022, *Mip-NeRF 360*, but along each axis separately, so
-//! that a cut stays a plane of the world). So a distant horizon does not decide how a town is cut.
+//! What is far outside of where photos were taken is contracted (as in Barron et al. 2022,
+//! *Mip-NeRF 360*, but along each axis separately, so that a cut stays a plane of the world). So a
+//! distant horizon does not decide how a town is cut.
 
 use glam::Vec3;
 use schemars::JsonSchema;
@@ -101,8 +102,8 @@ impl Surroundings {
     }
 }
 
-/// Cuts space into `count` boxes that hold about as many of `points` each. Boxes that one cut made follow each other: the first half of
-/// them, rounded up, is below the first cut.
+/// Cuts space into `count` boxes that hold about as many of `points` each. Boxes that one cut made
+/// follow each other: the first half of them, rounded up, is below the first cut.
 pub(super) fn cut(points: &[Vec3], count: usize, around: &Surroundings) -> Vec<Region> {
     let mut boxes = Vec::with_capacity(count);
     cut_box(&mut points.to_vec(), Region::EVERYWHERE, count, around, &mut boxes);

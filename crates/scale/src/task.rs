@@ -1,5 +1,6 @@
-//! Trains one block: files in, files out. The result's name is a hash of its inputs, so a finished task is not repeated.
-//! A task that was killed and starts again, here or elsewhere, ends with the same bytes.
+//! Trains one block: files in, files out. The result's name is a hash of its inputs, so a finished
+//! task is not repeated. A task that was killed and starts again, here or elsewhere, ends with the
+//! same bytes.
 
 use super::manifest::{Block, Manifest, PlannedPhoto};
 use super::plan::planned_photos;
@@ -26,7 +27,9 @@ pub struct Task {
 impl Task {
     /// Block `index` of the plan at `path`.
     ///
-    /// Errors: those of [`Manifest::read`]; a block that is not there.
+    /// # Errors
+    ///
+    /// Those of [`Manifest::read`]; a block that is not there.
     pub fn open(path: &Path, index: usize, limits: &Limits) -> Result<Self> {
         let (manifest, folder) = Manifest::read(path, limits)?;
         let count = manifest.blocks.len();
@@ -55,9 +58,12 @@ impl Task {
         self.file("checkpoint")
     }
 
-    /// Its photos, and the cameras of the whole photos; `moved` is where the data set is now, if not where it was planned.
+    /// Its photos, and the cameras of the whole photos; `moved` is where the data set is now, if
+    /// not where it was planned.
     ///
-    /// Errors: photos or cameras that are not as they were planned.
+    /// # Errors
+    ///
+    /// Photos or cameras that are not as they were planned.
     pub fn dataset(&self, moved: Option<&Path>) -> Result<(Dataset, Vec<Camera>)> {
         let plan = &self.manifest;
         let options = &self.manifest.dataset_options;
@@ -92,7 +98,9 @@ impl Task {
 
     /// What it starts from; `None` for a plain run.
     ///
-    /// Errors: a file that is not as it was planned.
+    /// # Errors
+    ///
+    /// A file that is not as it was planned.
     fn start(&self) -> Result<Option<ImportedScene>> {
         let Some(start) = &self.block().start else { return Ok(None) };
         let mut loaded =
@@ -105,10 +113,12 @@ impl Task {
         Ok(Some(loaded))
     }
 
-    /// The run on `dataset`, that of [`Task::dataset`]: from its checkpoint if there is one, else from the beginning. With the warning
-    /// that a checkpoint cannot be read, when that is so.
+    /// The run on `dataset`, that of [`Task::dataset`]: from its checkpoint if there is one, else
+    /// from the beginning. With the warning that a checkpoint cannot be read, when that is so.
     ///
-    /// Errors: a plan that is not whole, photos that cannot be read, and those of the training.
+    /// # Errors
+    ///
+    /// A plan that is not whole, photos that cannot be read, and those of the training.
     pub fn run<'a>(
         &self,
         dataset: &'a Dataset,
@@ -159,12 +169,14 @@ impl Task {
     }
 }
 
-/// What was trained, without the name of its data set: files of a plan are the same wherever the photos lie.
+/// What was trained, without the name of its data set: files of a plan are the same wherever the
+/// photos lie.
 pub fn unnamed(trained: Trained) -> Trained {
     Trained { provenance: Provenance { source: None, ..trained.provenance }, ..trained }
 }
 
-/// The state of a block of a plan in `folder`: "done" when its result exists, "begun" when a checkpoint does, or "waiting".
+/// The state of a block of a plan in `folder`: "done" when its result exists, "begun" when a
+/// checkpoint does, or "waiting".
 pub fn status(folder: &Path, block: &Block, index: usize) -> &'static str {
     let is_there = |ending: &str| folder.join(block.file(index, ending)).is_file();
     match (is_there("ply"), is_there("checkpoint")) {

@@ -23,8 +23,8 @@ pub struct Chunk {
 pub struct Asset {
     /// What an engine draws.
     pub mesh: Mesh,
-    /// Consecutive runs that together hold every face once; a single one when not chunked. A backdrop is a
-    /// separate run, the last.
+    /// Consecutive runs that together hold every face once; a single one when not chunked. A
+    /// backdrop is a separate run, the last.
     pub chunks: Vec<Chunk>,
     /// Its provenance and placement.
     pub provenance: Provenance,
@@ -32,13 +32,13 @@ pub struct Asset {
     pub levels: Vec<Asset>,
     /// The same scene, without its backdrop, in tiles; the root shows all of it.
     pub tiles: Option<Box<Tile>>,
-    /// The collider, which replaces the scene's triangles for collisions: a connected surface, in the same
-    /// frame. Not drawn.
+    /// The collider, which replaces the scene's triangles for collisions: a connected surface, in
+    /// the same frame. Not drawn.
     pub collision: Option<Mesh>,
     /// Whether the backdrop, if there is one, is written into a separate file.
     pub backdrop_apart: bool,
-    /// The surroundings as a panorama in place of a backdrop, written into a separate file: equirectangular, its middle towards +X, a quarter from
-    /// the left -Z.
+    /// The surroundings as a panorama in place of a backdrop, written into a separate file:
+    /// equirectangular, its middle towards +X, a quarter from the left -Z.
     pub sky: Option<RgbImage>,
     /// What [`Asset::raycast`] has built.
     pub rays: RayTree,
@@ -56,9 +56,9 @@ pub struct Tile {
 }
 
 impl Tile {
-    /// A level of detail suffices while its median triangle is this many times smaller than the error that a
-    /// viewer permits: 2 px with the usual 16 px of 3D Tiles. Chosen by comparing pictures of levels with
-    /// those of the whole scene (docs/benchmarks/tiles.md).
+    /// A level of detail suffices while its median triangle is this many times smaller than the
+    /// error that a viewer permits: 2 px with the usual 16 px of 3D Tiles. Chosen by comparing
+    /// pictures of levels with those of the whole scene (docs/benchmarks/tiles.md).
     const ERROR_PER_DETAIL: f64 = 8.0;
 
     /// The error of the tile's level of detail, in the units of its [detail](Mesh::detail).
@@ -79,8 +79,9 @@ impl Tile {
 }
 
 impl Asset {
-    /// The first face of the scene, without its backdrop, on a ray; faces are hit from both sides. Ties go to the
-    /// lowest number. `None` for no hit, a zero direction, or numbers that are not finite.
+    /// The first face of the scene, without its backdrop, on a ray; faces are hit from both sides.
+    /// Ties go to the lowest number. `None` for no hit, a zero direction, or numbers that are not
+    /// finite.
     ///
     /// The first call builds a tree; see [`RayTree`].
     pub fn raycast(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
@@ -236,8 +237,9 @@ impl UpDirection {
         }
     }
 
-    /// The proper rotation that takes this direction to +Y: the shortest rotation to the nearest axis, then
-    /// the rotation of that axis. So a scene a few degrees off an axis is turned by a few degrees more.
+    /// The proper rotation that takes this direction to +Y: the shortest rotation to the nearest
+    /// axis, then the rotation of that axis. So a scene a few degrees off an axis is turned by a
+    /// few degrees more.
     pub fn to_y_up(self) -> DMat3 {
         if let Self::Axis(axis) = self {
             return axis.to_y_up();
@@ -254,7 +256,8 @@ impl From<UpAxis> for UpDirection {
     }
 }
 
-/// How the source's world became the file's: `file = turn(rotate) * up_to_y * (scale * (world - center))`.
+/// How the source's world became the file's: `file = turn(rotate) * up_to_y * (scale * (world -
+/// center))`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Placement {
@@ -269,8 +272,8 @@ pub struct Placement {
     pub center: [f64; 3],
 }
 
-/// Largest scale, turn and centre of a placement, so that combined placements stay within the range of an
-/// `f64`.
+/// Largest scale, turn and centre of a placement, so that combined placements stay within the range
+/// of an `f64`.
 const LARGEST_PLACEMENT: f64 = f32::MAX as f64;
 
 fn is_zero<T: Default + PartialEq>(x: &T) -> bool {
@@ -322,8 +325,8 @@ impl Placement {
         self.to_world_f64(file).as_vec3()
     }
 
-    /// A viewpoint of the source's world, in the frame of the file. Its up direction is the file's up axis,
-    /// unless it looks along that axis.
+    /// A viewpoint of the source's world, in the frame of the file. Its up direction is the file's
+    /// up axis, unless it looks along that axis.
     pub fn viewpoint_to_file(&self, viewpoint: &Viewpoint) -> Viewpoint {
         let rotation = self.rotation();
         let center = DVec3::from(self.center);
@@ -408,15 +411,17 @@ pub struct Provenance {
     /// The first viewpoint of this file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viewpoint: Option<Viewpoint>,
-    /// Number of last triangles that are the backdrop: a far sphere outside the scene. Absent when 0.
+    /// Number of last triangles that are the backdrop: a far sphere outside the scene. Absent when
+    /// 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub backdrop: u32,
-    /// Shares of the estimated gain, white balance and falloff by which its photos were corrected in training; absent where they were taken
-    /// as they are.
+    /// Shares of the estimated gain, white balance and falloff by which its photos were corrected
+    /// in training; absent where they were taken as they are.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure: Option<[f32; 3]>,
-    /// Some of its photos' cameras in the frame of this file: position, x, y and z of the quaternion from camera to world over 1 + w,
-    /// tangents of half the angles of view across and down.
+    /// Some of its photos' cameras in the frame of this file: position, x, y and z of the
+    /// quaternion from camera to world over 1 + w, tangents of half the angles of view across and
+    /// down.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub cameras: Vec<[f64; 8]>,
 }
@@ -427,7 +432,8 @@ impl Provenance {
         Self { viewpoint: None, cameras: Vec::new(), ..self }
     }
 
-    /// Removes impossible values of damaged files: viewpoints without a camera, invalid placements, shares beyond 0 to 1.
+    /// Removes impossible values of damaged files: viewpoints without a camera, invalid placements,
+    /// shares beyond 0 to 1.
     pub fn possible(mut self) -> Self {
         let is_share = |share: &f32| (0.0..=1.0).contains(share);
         self.exposure = self.exposure.filter(|shares| shares.iter().all(is_share));

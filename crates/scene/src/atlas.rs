@@ -1,8 +1,9 @@
 //! The texture of parts of a mesh, each with a picture of its own or with none.
 //!
-//! In: a mesh whose colours multiply its pictures, and the faces that have one. Out: a texture of all faces. A face that shows one tile of
-//! a picture in one tint keeps the picture as its page. Every other face becomes a patch of one more page, the atlas: what repeats or goes
-//! beyond the border, what its corners tint differently, and what has no picture.
+//! In: a mesh whose colours multiply its pictures, and the faces that have one. Out: a texture of
+//! all faces. A face that shows one tile of a picture in one tint keeps the picture as its page.
+//! Every other face becomes a patch of one more page, the atlas: what repeats or goes beyond the
+//! border, what its corners tint differently, and what has no picture.
 
 use crate::image::RgbImage;
 use crate::math::color::{linear_of_srgb8, srgb8_from_linear};
@@ -14,7 +15,8 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Most pictures that are kept: of more, drawing each by itself costs an engine more than they show.
+/// Most pictures that are kept: of more, drawing each by itself costs an engine more than they
+/// show.
 const MOST_PAGES: usize = 255;
 /// Most texels of all copies of pictures in another tint.
 const MOST_TINTED: u64 = 1 << 26;
@@ -91,7 +93,8 @@ impl Wrap {
     }
 }
 
-/// Gives `mesh` a texture, with those of the `textures` that could be read. Returns notes for the user.
+/// Gives `mesh` a texture, with those of the `textures` that could be read. Returns notes for the
+/// user.
 pub fn paint(
     mesh: &mut Mesh,
     parts: Vec<PaintedFaces>,
@@ -209,7 +212,8 @@ impl Draft {
         Some(number)
     }
 
-    /// A face that the atlas shows. Faces with the same part of a picture in one tint have one patch.
+    /// A face that the atlas shows. Faces with the same part of a picture in one tint have one
+    /// patch.
     fn add_patch(
         &mut self,
         of: Option<(&PaintedFaces, &Arc<Texture>)>,
@@ -296,7 +300,8 @@ impl Draft {
         notes
     }
 
-    /// The texels of all patches, at the finest level that fits, the size of the atlas, and the place of each.
+    /// The texels of all patches, at the finest level that fits, the size of the atlas, and the
+    /// place of each.
     fn arranged(&self) -> Option<(Vec<Frame>, UVec2, Vec<UVec2>)> {
         (0..=MOST_HALVINGS).find_map(|halvings| {
             let frames: Vec<Frame> =
@@ -328,7 +333,8 @@ impl Patch {
         self.tints == [self.tints[0]; 3]
     }
 
-    /// Its texels from a picture halved this often at least, or of one colour where it shows more than the largest patch holds.
+    /// Its texels from a picture halved this often at least, or of one colour where it shows more
+    /// than the largest patch holds.
     fn frame(&self, halvings: usize) -> Frame {
         let [a, b, c] = self.uvs;
         let at = |(level, picture): (usize, &RgbImage)| {

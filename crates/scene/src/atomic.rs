@@ -1,14 +1,16 @@
 //! Files that appear whole or not at all: made aside, named last, swept by the next run.
 //!
-//! Bytes go to a temporary file beside the target, `.NAME.trisplat.tmp`, which is locked while this process
-//! has it and takes the target's name when all bytes are on the disk. A dropped file leaves nothing behind;
-//! the next writer of the same target removes that of a killed process. Symbolic links are followed: their
-//! targets are replaced. Devices and pipes cannot be replaced by renaming, so they (and standard output) are
-//! written directly.
+//! Bytes go to a temporary file beside the target, `.NAME.trisplat.tmp`, which is locked while this
+//! process has it and takes the target's name when all bytes are on the disk. A dropped file leaves
+//! nothing behind; the next writer of the same target removes that of a killed process. Symbolic
+//! links are followed: their targets are replaced. Devices and pipes cannot be replaced by
+//! renaming, so they (and standard output) are written directly.
 //!
-//! Among files that belong together one names the others. A few files are a set, [`publish`]. Many files have names with a hash of their bytes, so they replace nothing:
-//! [`put`] makes them and ties them to the file that names them, and [`sweep_folder`] removes those of earlier runs. A whole folder is an [`AtomicFolder`]. What later runs may
-//! replace or remove in a user's folder is in its [`Manifest`].
+//! Among files that belong together one names the others. A few files are a set, [`publish`]. Many
+//! files have names with a hash of their bytes, so they replace nothing: [`put`] makes them and
+//! ties them to the file that names them, and [`sweep_folder`] removes those of earlier runs. A
+//! whole folder is an [`AtomicFolder`]. What later runs may replace or remove in a user's folder is
+//! in its [`Manifest`].
 
 mod folder;
 mod manifest;
@@ -49,7 +51,10 @@ enum Destination {
 impl AtomicFile {
     /// Starts a file that will be called `path`; "-" is standard output.
     ///
-    /// Errors: what the operating system refuses; another program that is writing the same file; a link that leads to itself.
+    /// # Errors
+    ///
+    /// What the operating system refuses; another program that is writing the same file; a link
+    /// that leads to itself.
     pub fn create(path: &Path) -> Result<Self> {
         let io = |e| Error::io(path, e);
         let target = resolved(path);
@@ -82,10 +87,12 @@ impl AtomicFile {
         &self.path
     }
 
-    /// Gives the file its name when its bytes are on the disk: after a power cut, the old file or the whole
-    /// new one exists. Returns its size in bytes.
+    /// Gives the file its name when its bytes are on the disk: after a power cut, the old file or
+    /// the whole new one exists. Returns its size in bytes.
     ///
-    /// Errors: what the operating system refuses; a file of that name that appeared after this one was
+    /// # Errors
+    ///
+    /// What the operating system refuses; a file of that name that appeared after this one was
     /// started.
     pub fn commit(self) -> Result<u64> {
         publish(vec![self]).map(|sizes| sizes.iter().sum())
@@ -93,13 +100,16 @@ impl AtomicFile {
 
     /// Writes all of it, and then as [`AtomicFile::commit`].
     ///
-    /// Errors: those of [`AtomicFile::commit`].
+    /// # Errors
+    ///
+    /// Those of [`AtomicFile::commit`].
     pub fn commit_with(mut self, bytes: impl AsRef<[u8]>) -> Result<u64> {
         self.write_all(bytes.as_ref()).map_err(|e| Error::io(&self.path, e))?;
         self.commit()
     }
 
-    /// Registers `folder`, which was made for files that this one names: it is removed if it stays empty.
+    /// Registers `folder`, which was made for files that this one names: it is removed if it stays
+    /// empty.
     pub fn keeps(&mut self, folder: MadeFolders) {
         if let Destination::Temporary(file) = &mut self.to {
             file.folders.push(folder);
@@ -116,10 +126,14 @@ impl AtomicFile {
     }
 }
 
-/// Gives files that belong together their names, in this order and ending with the one that names the others,
-/// when all bytes are on the disk. After an error each name has its old file. Returns the sizes, bytes.
+/// Gives files that belong together their names, in this order and ending with the one that names
+/// the others, when all bytes are on the disk. After an error each name has its old file. Returns
+/// the sizes, bytes.
 ///
-/// Errors: what the operating system refuses; a file that has appeared under a name since its successor was started.
+/// # Errors
+///
+/// What the operating system refuses; a file that has appeared under a name since its successor was
+/// started.
 pub fn publish(mut files: Vec<AtomicFile>) -> Result<Vec<u64>> {
     files.iter_mut().try_for_each(AtomicFile::finish)?;
     let sizes = files.iter().map(|file| file.bytes).collect();
@@ -165,8 +179,9 @@ struct Move {
     old: PathBuf,
 }
 
-/// Moves old files away, beginning with the last, and then new ones in: no reader finds an old file beside a new one, and one alone
-/// is replaced at once. After an error, which comes with its index, each name has its old file.
+/// Moves old files away, beginning with the last, and then new ones in: no reader finds an old file
+/// beside a new one, and one alone is replaced at once. After an error, which comes with its index,
+/// each name has its old file.
 fn replace(moves: &[Move]) -> std::result::Result<(), (usize, io::Error)> {
     if let [only] = moves {
         return std::fs::rename(&only.from, &only.target).map_err(|e| (0, e));
@@ -195,8 +210,8 @@ fn replace(moves: &[Move]) -> std::result::Result<(), (usize, io::Error)> {
     moved
 }
 
-/// Waits until the names in a folder are on the disk. Only Unix lets a program do so; elsewhere the file system's journal
-/// keeps the order.
+/// Waits until the names in a folder are on the disk. Only Unix lets a program do so; elsewhere the
+/// file system's journal keeps the order.
 fn sync_folder(folder: &Path) -> io::Result<()> {
     // A folder that is writable but not readable cannot be opened.
     let Some(open) = cfg!(unix).then(|| File::open(folder).ok()).flatten() else { return Ok(()) };
@@ -209,10 +224,13 @@ fn sync_folder(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Writes `STEM-HASH.ENDING` into `folder`, where the hash is that of its bytes (XXH3), unless it is there: it replaces nothing. A new
-/// one is removed unless `naming`, the file that names it, gets its name. Returns its path and the hash.
+/// Writes `STEM-HASH.ENDING` into `folder`, where the hash is that of its bytes (XXH3), unless it
+/// is there: it replaces nothing. A new one is removed unless `naming`, the file that names it,
+/// gets its name. Returns its path and the hash.
 ///
-/// Errors: a file of that name with other bytes; what the operating system refuses.
+/// # Errors
+///
+/// A file of that name with other bytes; what the operating system refuses.
 pub fn put(
     folder: &Path,
     (stem, ending): (&str, &str),
@@ -243,8 +261,9 @@ pub fn put(
     Ok((path, hash))
 }
 
-/// Removes files of `folder` whose name `is_stale` and ends with the hash of their bytes, as `start-0001-HASH.ply`,
-/// and temporary ones of killed runs. So a file that a user made, changed or renamed stays.
+/// Removes files of `folder` whose name `is_stale` and ends with the hash of their bytes, as
+/// `start-0001-HASH.ply`, and temporary ones of killed runs. So a file that a user made, changed or
+/// renamed stays.
 pub fn sweep_folder(folder: &Path, is_stale: impl Fn(&str) -> bool) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
@@ -417,7 +436,8 @@ mod tests {
     fn what_a_killed_publication_left_goes_with_the_next_one() {
         let folder = tempfile::tempdir().unwrap();
         let [data, main] = ["a.bin", "a.gltf"].map(|name| folder.path().join(name));
-        // As a kill leaves them between the two renames: the data are new, the file that names them is not there.
+        // As a kill leaves them between the two renames: the data are new, the file that names them
+        // is not there.
         std::fs::write(&data, "new").unwrap();
         std::fs::write(names::aside_name(&data), "old").unwrap();
         std::fs::write(names::aside_name(&main), "old").unwrap();

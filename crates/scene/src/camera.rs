@@ -6,7 +6,8 @@ use glam::{DVec2, DVec3, Mat3, Mat4, UVec2, Vec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A pinhole camera with +x right, +y down and +z forward, as in COLMAP: q = K (R v + t). Pixel centres are at +0.5.
+/// A pinhole camera with +x right, +y down and +z forward, as in COLMAP: q = K (R v + t). Pixel
+/// centres are at +0.5.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     /// World to camera rotation R.
@@ -25,12 +26,14 @@ pub struct Camera {
 pub const LENS: &str = "focal lengths of 0.001 to 100,000 times the longer side and a centre within 10,000 times it, px";
 
 impl Camera {
-    /// A camera at `eye` that looks at `target`, with `up` upwards in its picture; `fov_y` is the vertical field of view, radians.
+    /// A camera at `eye` that looks at `target`, with `up` upwards in its picture; `fov_y` is the
+    /// vertical field of view, radians.
     pub fn look_at(eye: Vec3, target: Vec3, up: Vec3, fov_y: f32, size: impl Into<UVec2>) -> Self {
         Self::at_origin(fov_y, size.into()).looking(eye, target, up)
     }
 
-    /// The camera of a view matrix as of glTF and OpenGL, with +y up and -z forward; `fov_y` in radians.
+    /// The camera of a view matrix as of glTF and OpenGL, with +y up and -z forward; `fov_y` in
+    /// radians.
     pub fn from_view(view: Mat4, fov_y: f32, size: impl Into<UVec2>) -> Self {
         let turn = Mat3::from_diagonal(Vec3::new(1.0, -1.0, -1.0));
         let rotation = turn * Mat3::from_mat4(view);
@@ -56,7 +59,8 @@ impl Camera {
         Self { focal: self.focal * ratio, center: self.center * ratio, size, ..*self }
     }
 
-    /// Where the picture shows a point of the world, hidden or not, px, and its depth; `None` outside the picture.
+    /// Where the picture shows a point of the world, hidden or not, px, and its depth; `None`
+    /// outside the picture.
     pub fn shows(&self, point: Vec3) -> Option<(Vec2, f32)> {
         let seen = self.rotation * point + self.translation;
         let at = seen.truncate() / seen.z * self.focal + self.center;
@@ -83,7 +87,8 @@ impl Camera {
         }
     }
 
-    /// The same camera moved to `eye`, with `target` in the middle of its view and `up` upwards in it.
+    /// The same camera moved to `eye`, with `target` in the middle of its view and `up` upwards in
+    /// it.
     pub fn looking(&self, eye: Vec3, target: Vec3, up: Vec3) -> Self {
         let forward = (target - eye).normalize_or(Vec3::Z);
         let right =
@@ -92,7 +97,8 @@ impl Camera {
         Self { rotation, translation: -(rotation * eye), ..*self }
     }
 
-    /// Whether a lens has these focal lengths and this principal point, px, for pictures of `size`: [`LENS`].
+    /// Whether a lens has these focal lengths and this principal point, px, for pictures of `size`:
+    /// [`LENS`].
     pub fn is_lens(focal: DVec2, center: DVec2, size: UVec2) -> bool {
         let longer = f64::from(size.max_element());
         let range = 1e-3 * longer..=1e5 * longer;
@@ -101,7 +107,8 @@ impl Camera {
             && center.abs().max_element() <= 1e4 * longer
     }
 
-    /// Checks that everything is finite, the lens is [possible](Camera::is_lens), and the size is within `limits`.
+    /// Checks that everything is finite, the lens is [possible](Camera::is_lens), and the size is
+    /// within `limits`.
     pub fn validate(&self, limits: &Limits) -> Result<()> {
         let finite = self.rotation.is_finite()
             && self.translation.is_finite()
@@ -118,8 +125,9 @@ impl Camera {
     }
 }
 
-/// The world point nearest to the optical axes of all cameras, in the least-squares sense: their common
-/// focus. `None` when the axes are nearly parallel, or when it is behind half of the cameras.
+/// The world point nearest to the optical axes of all cameras, in the least-squares sense: their
+/// common focus. `None` when the axes are nearly parallel, or when it is behind half of the
+/// cameras.
 pub fn focus<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Option<Vec3> {
     let count = cameras.clone().count() as f32;
     let middle = cameras.clone().map(Camera::position).sum::<Vec3>() / count;
@@ -160,12 +168,13 @@ pub struct Viewpoint {
     pub orbit: Option<OrbitRange>,
 }
 
-/// How far photos look around a [`Viewpoint`]'s target, and a little beyond. Viewers keep their orbit within.
+/// How far photos look around a [`Viewpoint`]'s target, and a little beyond. Viewers keep their
+/// orbit within.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OrbitRange {
-    /// Least and largest turn around the up direction, degrees: 0 is the eye, and more is counter-clockwise seen from
-    /// above. Absent when photos surround the target.
+    /// Least and largest turn around the up direction, degrees: 0 is the eye, and more is
+    /// counter-clockwise seen from above. Absent when photos surround the target.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turn: Option<[f64; 2]>,
     /// Least and largest elevation above the target, degrees.
@@ -191,7 +200,8 @@ impl Viewpoint {
         lens.looking(eye, target, up)
     }
 
-    /// Whether a camera can look from here: its numbers fit an `f32`, and it has a distance and angles.
+    /// Whether a camera can look from here: its numbers fit an `f32`, and it has a distance and
+    /// angles.
     pub fn is_possible(&self) -> bool {
         let fits = |v: [f64; 3]| DVec3::from(v).as_vec3().is_finite();
         let placed = [self.eye, self.target, self.up].into_iter().all(fits);
@@ -202,8 +212,8 @@ impl Viewpoint {
         placed && opens && bounded && self.camera(UVec2::ONE).rotation.is_finite()
     }
 
-    /// The turn and elevation of an offset from the target, rad: 0 is the turn of the eye, and more is counter-clockwise seen
-    /// from above. `None` for an eye right above the target.
+    /// The turn and elevation of an offset from the target, rad: 0 is the turn of the eye, and more
+    /// is counter-clockwise seen from above. `None` for an eye right above the target.
     pub fn direction(&self, offset: DVec3) -> Option<[f64; 2]> {
         let up = DVec3::from(self.up);
         let start =

@@ -38,8 +38,8 @@ pub enum Error {
     /// An option or argument has an unusable value.
     #[error("{option} is {value}: expected {wants}")]
     Invalid {
-        /// The field of the option (`max_triangles`), or another name of the value; the command line shows
-        /// the flag.
+        /// The field of the option (`max_triangles`), or another name of the value; the command
+        /// line shows the flag.
         option: String,
         /// The value given.
         value: String,
@@ -191,7 +191,8 @@ pub fn excerpt(text: &str) -> String {
     cut(text, MAX_EXCERPT).into_owned()
 }
 
-/// Shorten a long message: whatever text of a file is in it, such as that of a parser's error, takes little space.
+/// Shorten a long message: whatever text of a file is in it, such as that of a parser's error,
+/// takes little space.
 fn in_message(text: String) -> String {
     if text.len() <= SHORT_MESSAGE {
         return text;

@@ -1,11 +1,13 @@
 //! Floaters: Gaussians that hang alone in the air, far from the scene.
 //!
-//! An optimiser leaves Gaussians where no photo shows that nothing is there. One in a hundred of them, twenty radii away, makes the
-//! box of an object thousands of times as large as the object. Counts and distances cannot tell them from the neck of a guitar, but
-//! touching can: Gaussians of a surface overlap, because one alone does not show it. So the scene is
+//! An optimiser leaves Gaussians where no photo shows that nothing is there. One in a hundred of
+//! them, twenty radii away, makes the box of an object thousands of times as large as the object.
+//! Counts and distances cannot tell them from the neck of a guitar, but touching can: Gaussians of
+//! a surface overlap, because one alone does not show it. So the scene is
 //!
 //! 1. the groups of Gaussians that touch each other, the heaviest first, up to half of all opacity;
-//! 2. every group that is in the ball around these, or nearer to it than the group is wide, again and again.
+//! 2. every group that is in the ball around these, or nearer to it than the group is wide, again
+//!    and again.
 //!
 //! All else floats.
 
@@ -117,7 +119,8 @@ impl Splats {
             }
             links
         });
-        // In a file with small Gaussians, as of a cloud of points, most are as far apart as some of their neighbours.
+        // In a file with small Gaussians, as of a cloud of points, most are as far apart as some of
+        // their neighbours.
         let widest =
             links.iter().map(|links| links[NEIGHBOURS - 1].0).filter(|apart| apart.is_finite());
         let touching = median(widest.collect(), f32::total_cmp).unwrap_or(1.0).max(1.0);
@@ -136,7 +139,8 @@ impl Splats {
         groups
     }
 
-    /// Distance of the middles of two Gaussians, as a multiple of the distance at which they begin to overlap.
+    /// Distance of the middles of two Gaussians, as a multiple of the distance at which they begin
+    /// to overlap.
     fn separation(&self, i: usize, j: usize) -> f32 {
         let apart = self.positions[j] - self.positions[i];
         let along = apart.normalize_or_zero();
@@ -199,7 +203,8 @@ mod tests {
         }
     }
 
-    /// A ball of radius 1 with a neck that ends 4 units away, in which three of four Gaussians lie in the ball.
+    /// A ball of radius 1 with a neck that ends 4 units away, in which three of four Gaussians lie
+    /// in the ball.
     fn guitar() -> Vec<Vec3> {
         let rng = Rng::new(7, "guitar", 0);
         let body = (0..3000).map(|i| rng.on_sphere(i));

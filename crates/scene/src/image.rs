@@ -1,7 +1,7 @@
 //! Pictures in memory and on disk.
 //!
-//! Colours are sRGB-encoded throughout, and averages are computed on encoded values, as in the literature
-//! (3DGS, Held et al. 2025).
+//! Colours are sRGB-encoded throughout, and averages are computed on encoded values, as in the
+//! literature (3DGS, Held et al. 2025).
 
 mod decode;
 mod png;
@@ -52,12 +52,14 @@ pub struct RgbImage {
     pub size: UVec2,
     /// Rows from the top. `[H * W]`
     pub rgb: Vec<[u8; 3]>,
-    /// Weight of each pixel, up to 255: the opacity in a file, or a photo's mask in the loss. `[H * W]`
+    /// Weight of each pixel, up to 255: the opacity in a file, or a photo's mask in the loss. `[H *
+    /// W]`
     pub alpha: Option<Vec<u8>>,
 }
 
 impl RgbImage {
-    /// sRGB-encoded colours in 8 bits: clamped to [0, 1] and rounded to the nearest code; NaN becomes 0. `[H * W]`
+    /// sRGB-encoded colours in 8 bits: clamped to [0, 1] and rounded to the nearest code; NaN
+    /// becomes 0. `[H * W]`
     pub fn from_rgb(size: UVec2, rgb: &[[f32; 3]]) -> Self {
         let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
         Self { size, rgb: rgb.iter().map(|p| p.map(code)).collect(), alpha: None }
@@ -70,7 +72,8 @@ impl RgbImage {
 
     /// Reads a PNG, JPEG, WebP or TIFF file; 16-bit channels are rounded to 8, grey becomes RGB.
     ///
-    /// Pixels stay as stored: an EXIF rotation is not applied, because COLMAP does not apply it either.
+    /// Pixels stay as stored: an EXIF rotation is not applied, because COLMAP does not apply it
+    /// either.
     pub fn load(path: &Path) -> Result<Self> {
         Self::load_within(path, &Limits::DEFAULT)
     }
@@ -80,8 +83,9 @@ impl RgbImage {
         Ok(Self::of_decoded(decode(path, limits)?))
     }
 
-    /// [`RgbImage::load_within`] of a smaller picture if that takes less time or memory, with no side below that of
-    /// `least`: a JPEG at 1/2, 1/4 or 1/8 of its size, a larger opaque PNG at that of `least`. Returns the full size too.
+    /// [`RgbImage::load_within`] of a smaller picture if that takes less time or memory, with no
+    /// side below that of `least`: a JPEG at 1/2, 1/4 or 1/8 of its size, a larger opaque PNG at
+    /// that of `least`. Returns the full size too.
     pub fn load_reduced(path: &Path, least: UVec2, limits: &Limits) -> Result<(Self, UVec2)> {
         let (picture, full) = decode::decode_reduced(path, least, limits)?;
         Ok((Self::of_decoded(picture), full))
@@ -131,16 +135,17 @@ impl RgbImage {
         Self { size, rgb: triples(rgba), alpha: if opaque { None } else { Some(alpha) } }
     }
 
-    /// Reads a mask within `limits`: one channel per pixel, rows from the top; colours become their luma.
+    /// Reads a mask within `limits`: one channel per pixel, rows from the top; colours become their
+    /// luma.
     pub fn load_mask(path: &Path, limits: &Limits) -> Result<(UVec2, Vec<u8>)> {
         let picture = decode(path, limits)?;
         let size = UVec2::new(picture.width(), picture.height());
         Ok((size, picture.into_luma8().into_raw()))
     }
 
-    /// Width and height of a picture file, from its first bytes; an error when they exceed `limits` or the
-    /// possible content of the file. The last bytes are checked too: a file with an unusual end is decoded to
-    /// detect truncation.
+    /// Width and height of a picture file, from its first bytes; an error when they exceed `limits`
+    /// or the possible content of the file. The last bytes are checked too: a file with an unusual
+    /// end is decoded to detect truncation.
     pub fn size_of(path: &Path, limits: &Limits) -> Result<UVec2> {
         let io = |e| Error::io(path, e);
         let (mut file, len) = input::open(path, limits)?;
@@ -153,8 +158,8 @@ impl RgbImage {
         Ok(size)
     }
 
-    /// Most bytes that decoding a picture file of `size` px takes, the result included and a JPEG's own bytes excluded, by its
-    /// first bytes.
+    /// Most bytes that decoding a picture file of `size` px takes, the result included and a JPEG's
+    /// own bytes excluded, by its first bytes.
     pub fn decoding_bytes(path: &Path, size: UVec2, limits: &Limits) -> Result<u64> {
         let (file, _) = input::open(path, limits)?;
         decode::most_bytes(path, BufReader::new(file), size)
@@ -213,8 +218,8 @@ impl RgbImage {
         Self { size, rgb: rows.flat_map(|row| self.rgb[row].iter().copied()).collect(), alpha }
     }
 
-    /// The picture shrunk to `size`: every new pixel is the average of its area, which may include fractions
-    /// of pixels.
+    /// The picture shrunk to `size`: every new pixel is the average of its area, which may include
+    /// fractions of pixels.
     pub fn downscaled(&self, size: UVec2) -> Self {
         if size == self.size {
             return self.clone();
@@ -255,7 +260,8 @@ impl RgbImage {
         Ok(bytes.into_inner())
     }
 
-    /// The picture as the bytes of a JPEG file of full colour resolution; its alpha is left out. `quality` is 1 to 100.
+    /// The picture as the bytes of a JPEG file of full colour resolution; its alpha is left out.
+    /// `quality` is 1 to 100.
     pub fn to_jpeg(&self, quality: u8) -> Result<Vec<u8>> {
         use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
         let mut bytes = Vec::new();

@@ -16,12 +16,14 @@ pub struct ImportedSplats {
     pub provenance: Provenance,
     /// Repairs and omissions of reading, one sentence each.
     pub warnings: Vec<String>,
-    /// Names and cameras of the photos they were trained on, in the frame of the file; empty when unknown.
+    /// Names and cameras of the photos they were trained on, in the frame of the file; empty when
+    /// unknown.
     pub cameras: Vec<(String, Camera)>,
 }
 
 impl ImportedSplats {
-    /// Triangles where the Gaussians are, except [`Floaters`](crate::Floaters), with the same placement and cameras, for choosing viewpoints.
+    /// Triangles where the Gaussians are, except [`Floaters`](crate::Floaters), with the same
+    /// placement and cameras, for choosing viewpoints.
     pub fn stand_in(&self) -> ImportedScene {
         let splats = &self.splats;
         let floaters = splats.floaters();

@@ -19,7 +19,11 @@ pub const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 /// Bytes that a copy moves at once.
 const BLOCK: usize = 1 << 16;
 
-/// An open file at byte 0, and its length. Errors: not a regular file; larger than `file_bytes`.
+/// An open file at byte 0, and its length.
+///
+/// # Errors
+///
+/// Not a regular file; larger than `file_bytes`.
 pub fn open(path: &Path, limits: &Limits) -> Result<(File, u64)> {
     let io = |e| Error::unread(path, e);
     // Before it is opened: opening a pipe waits for its writer.
@@ -35,7 +39,8 @@ pub fn open(path: &Path, limits: &Limits) -> Result<(File, u64)> {
     Ok((file, meta.len()))
 }
 
-/// Copies a stream to a temporary file; returns it at byte 0, and its length. `path` is for messages.
+/// Copies a stream to a temporary file; returns it at byte 0, and its length. `path` is for
+/// messages.
 pub fn spool(path: &Path, from: &mut dyn Read, limits: &Limits) -> Result<(File, u64)> {
     let mut file = tempfile::tempfile().map_err(Error::temporary)?;
     let most = limits.file_bytes.saturating_add(1);
@@ -55,7 +60,8 @@ pub fn copy(from: &Path, to: &Path) -> Result<()> {
     copy_stream(&mut source, &mut target, unread, unwritten).map(drop)
 }
 
-/// Copies a stream to its end; returns the number of bytes. `unread` and `unwritten` make the errors of the two sides.
+/// Copies a stream to its end; returns the number of bytes. `unread` and `unwritten` make the
+/// errors of the two sides.
 pub fn copy_stream(
     from: &mut dyn Read,
     to: &mut dyn Write,
@@ -77,7 +83,11 @@ pub fn copy_stream(
     }
 }
 
-/// All bytes of a file. Errors as for [`open`]; larger than `document_bytes`.
+/// All bytes of a file.
+///
+/// # Errors
+///
+/// As for [`open`]; larger than `document_bytes`.
 pub fn read(path: &Path, limits: &Limits) -> Result<Vec<u8>> {
     let (file, len) = open(path, limits)?;
     limits.document(path.display(), len)?;
@@ -86,8 +96,12 @@ pub fn read(path: &Path, limits: &Limits) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// All bytes of a file of our own, which may be as large as memory, if `check` finds nothing wrong with its first ones; it gets the
-/// length too. Errors as for [`open`]; those of `check`.
+/// All bytes of a file of our own, which may be as large as memory, if `check` finds nothing wrong
+/// with its first ones; it gets the length too.
+///
+/// # Errors
+///
+/// As for [`open`]; those of `check`.
 pub fn read_large(
     path: &Path,
     limits: &Limits,
@@ -114,7 +128,11 @@ pub(crate) fn read_all(
     Ok(bytes)
 }
 
-/// A text in UTF-8, without its byte-order mark. Errors as for [`read`]; other encodings.
+/// A text in UTF-8, without its byte-order mark.
+///
+/// # Errors
+///
+/// As for [`read`]; other encodings.
 pub fn read_text(path: &Path, limits: &Limits) -> Result<String> {
     let mut bytes = read(path, limits)?;
     if bytes.starts_with(BYTE_ORDER_MARK) {
@@ -149,7 +167,8 @@ pub fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
         .map(|entry| folder.join(entry.file_name()))
 }
 
-/// All files below `folder`, also through links; each folder once. What cannot be listed is left out.
+/// All files below `folder`, also through links; each folder once. What cannot be listed is left
+/// out.
 pub fn files_below(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
     let mut seen = HashSet::new();
@@ -196,8 +215,9 @@ fn is_handed_over(_path: &Path, _meta: &Metadata) -> bool {
     false
 }
 
-// ---- A decoder's panic on a damaged file becomes an error of that file and does not end the program ----
-// This needs a program whose profile unwinds. In one that aborts on panic, the checks that readers make beforehand remain.
+// ---- A decoder's panic on a damaged file becomes an error of that file and does not end the
+// program ---- This needs a program whose profile unwinds. In one that aborts on panic, the checks
+// that readers make beforehand remain.
 
 thread_local! {
     static GUARDED: Cell<bool> = const { Cell::new(false) };
@@ -205,7 +225,9 @@ thread_local! {
 
 /// The result of `decode` for the file at `path`; its panic becomes an error of that file.
 ///
-/// Errors: those of `decode`; `Malformed` for a panic.
+/// # Errors
+///
+/// Those of `decode`; `Malformed` for a panic.
 pub fn guarded<T>(path: &Path, decode: impl FnOnce() -> Result<T>) -> Result<T> {
     let before = GUARDED.replace(true);
     // Nothing that `decode` changes is used after a panic: it is dropped with its closure.
@@ -221,7 +243,8 @@ pub fn failed(path: &Path, message: &str) -> Error {
     Error::malformed(path, "content", reason)
 }
 
-/// True while this thread decodes under [`guarded`]: its panic becomes an error, so a panic hook need not report it.
+/// True while this thread decodes under [`guarded`]: its panic becomes an error, so a panic hook
+/// need not report it.
 pub fn is_guarded() -> bool {
     GUARDED.get()
 }

@@ -100,7 +100,9 @@ impl<T: Serialize> Layered<T> {
 impl<T: Serialize + DeserializeOwned> Layers<T> {
     /// With the config file at `path`; `limits` bounds its size. Its key `$schema` is ignored.
     ///
-    /// Errors: a file that cannot be read; an unknown key or wrong type, with its place in the file.
+    /// # Errors
+    ///
+    /// A file that cannot be read; an unknown key or wrong type, with its place in the file.
     pub fn file(self, path: &Path, limits: &Limits) -> Result<Self> {
         let text = input::read_text(path, limits)?;
         let broken = |e: serde_json::Error| {
@@ -115,8 +117,8 @@ impl<T: Serialize + DeserializeOwned> Layers<T> {
         Ok(Self { file, ..self })
     }
 
-    /// With settings, `KEY=VALUE` each, groups joined by dots; the group may be omitted if no other group has
-    /// the key.
+    /// With settings, `KEY=VALUE` each, groups joined by dots; the group may be omitted if no other
+    /// group has the key.
     pub fn settings(self, sets: &[String]) -> Self {
         Self { sets: sets.to_vec(), ..self }
     }
@@ -126,15 +128,17 @@ impl<T: Serialize + DeserializeOwned> Layers<T> {
         Self { given, ..self }
     }
 
-    /// With options by the names of their fields, which are unique over all groups, or of groups; they count
-    /// as given.
+    /// With options by the names of their fields, which are unique over all groups, or of groups;
+    /// they count as given.
     pub fn named(self, named: Map<String, Value>) -> Self {
         Self { named, ..self }
     }
 
     /// The options over those of the preset. The last layer that names a preset decides it.
     ///
-    /// Errors: an unknown setting or option; a value of another type.
+    /// # Errors
+    ///
+    /// An unknown setting or option; a value of another type.
     pub fn resolve<P: DeserializeOwned + Default>(
         self,
         options_of: impl Fn(P) -> T,
@@ -166,8 +170,8 @@ impl<T: Serialize + DeserializeOwned> Layers<T> {
     }
 }
 
-/// Settings as an object of the shape of `known`, with groups joined by dots. An unknown key is an error that
-/// lists the known ones.
+/// Settings as an object of the shape of `known`, with groups joined by dots. An unknown key is an
+/// error that lists the known ones.
 fn settings<T: DeserializeOwned>(known: &Value, sets: &[String]) -> Result<Value> {
     let mut value = Value::Object(Map::new());
     for set in sets {
@@ -187,7 +191,9 @@ fn settings<T: DeserializeOwned>(known: &Value, sets: &[String]) -> Result<Value
 
 /// `key` with its group: `contour` is `solid.contour`, if no other group has a key of that name.
 ///
-/// Errors: an unknown key; the message lists the known ones.
+/// # Errors
+///
+/// An unknown key; the message lists the known ones.
 fn full_key(known: &Value, key: &str) -> Result<String> {
     if let Some(groups) = known.as_object().filter(|_| !key.contains('.')) {
         let own = groups.get(key).is_some_and(|value| !value.is_object());
@@ -274,8 +280,8 @@ fn difference(base: &Value, top: &Value) -> Option<Value> {
     }
 }
 
-/// `text` of a JSON object with spaces in place of its key `$schema`: types of options refuse unknown keys, and errors must keep
-/// their place in the text.
+/// `text` of a JSON object with spaces in place of its key `$schema`: types of options refuse
+/// unknown keys, and errors must keep their place in the text.
 fn without_schema(text: &str) -> String {
     // That of a group is refused like any other key.
     let is_own = |key: &usize| {

@@ -1,6 +1,7 @@
 //! Scenes, cameras, pictures and numbers of trisplat.
 //!
-//! In: nothing. Out: soups, meshes, scenes, splats, cameras, pictures, assets, rays; numbers, errors, reports; files that are read within limits and appear whole.
+//! In: nothing. Out: soups, meshes, scenes, splats, cameras, pictures, assets, rays; numbers,
+//! errors, reports; files that are read within limits and appear whole.
 
 mod asset;
 pub mod atlas;

@@ -11,8 +11,8 @@ use std::path::Path;
 use std::str::FromStr;
 use std::time::Instant;
 
-/// Limits on files. Data beyond a limit are refused before memory is allocated; the error names the limit and
-/// how to raise it. The defaults exceed every scene in the literature.
+/// Limits on files. Data beyond a limit are refused before memory is allocated; the error names the
+/// limit and how to raise it. The defaults exceed every scene in the literature.
 ///
 /// ```
 /// use trisplat_scene::Limits;
@@ -38,7 +38,8 @@ pub struct Limits {
     pub vertices: u64,
     /// Bytes of a file.
     pub file_bytes: u64,
-    /// Bytes of a file that is read into memory whole (JSON, photos, masks, lists), and of a line of COLMAP's text.
+    /// Bytes of a file that is read into memory whole (JSON, photos, masks, lists), and of a line
+    /// of COLMAP's text.
     pub document_bytes: u64,
     /// Bytes of one array in memory.
     pub array_bytes: u64,
@@ -70,7 +71,9 @@ impl Limits {
 
     /// Sets one limit, given as `KEY=VALUE`.
     ///
-    /// Errors: an unknown limit, or not a whole number.
+    /// # Errors
+    ///
+    /// An unknown limit, or not a whole number.
     pub fn set(&mut self, setting: &str) -> Result<()> {
         let wrong = |wants: String| Error::invalid("limit", setting, wants);
         let (key, value) = setting
@@ -136,8 +139,8 @@ impl Limits {
         check(place, "levels of nodes", "nesting", depth, self.nesting)
     }
 
-    /// Reserves memory for `additional` entries of `list`. An array beyond the limit, or without enough
-    /// memory, is an error.
+    /// Reserves memory for `additional` entries of `list`. An array beyond the limit, or without
+    /// enough memory, is an error.
     pub fn reserve<T>(
         &self,
         place: impl Display,
@@ -149,7 +152,11 @@ impl Limits {
             .map_err(|_| Error::Memory { place: place.to_string(), bytes })
     }
 
-    /// An array of `count` zeros. Errors as for [`Limits::reserve`].
+    /// An array of `count` zeros.
+    ///
+    /// # Errors
+    ///
+    /// As for [`Limits::reserve`].
     pub fn zeroed<T: Zeroable>(&self, place: impl Display, count: usize) -> Result<Vec<T>> {
         let bytes = self.array::<T>(&place, count)?;
         bytemuck::allocation::try_zeroed_vec(count)
@@ -183,7 +190,7 @@ fn check(
     Err(Error::Limit { place: place.to_string(), what, key, value, limit })
 }
 
-// ---- The time limit of a run, and its clock ----------------------------------------------------------
+// ---- The time limit of a run, and its clock -----------------------------------------------------
 
 /// The longest budget, seconds: thirty years.
 const LONGEST: f64 = 1e9;

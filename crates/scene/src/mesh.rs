@@ -39,9 +39,11 @@ pub struct Mesh {
     pub opacity: Vec<f32>,
     /// Unit normal of every face, for lighting; empty = unlit. `[F]`
     pub normals: Vec<Vec3>,
-    /// True for faces of the shell of a trained scene, which is its backdrop; empty without a shell. `[F]`
+    /// True for faces of the shell of a trained scene, which is its backdrop; empty without a
+    /// shell. `[F]`
     pub shell: Vec<bool>,
-    /// True for faces that are drawn from their front only, where their corners run counter-clockwise; empty = all from both sides. `[F]`
+    /// True for faces that are drawn from their front only, where their corners run
+    /// counter-clockwise; empty = all from both sides. `[F]`
     pub single_sided: Vec<bool>,
     /// The texture, which replaces the faces' colours; these are its means. Most meshes have none.
     pub texture: Option<FaceTexture>,
@@ -65,7 +67,9 @@ impl Default for Mesh {
 impl Mesh {
     /// Opaque triangles, each of one colour: linear light in [0, 1].
     ///
-    /// Errors: another number of colours than of triangles; numbers that are not finite or out of range.
+    /// # Errors
+    ///
+    /// Another number of colours than of triangles; numbers that are not finite or out of range.
     pub fn from_triangles(triangles: &[[Vec3; 3]], colors: &[[f32; 3]]) -> Result<Self> {
         let positions = triangles.as_flattened().to_vec();
         let colors = Colors::Face(colors.to_vec());
@@ -165,7 +169,8 @@ impl Mesh {
         }
     }
 
-    /// Colours of the vertices of a mesh without indices, made from those of its faces if necessary.
+    /// Colours of the vertices of a mesh without indices, made from those of its faces if
+    /// necessary.
     pub fn vertex_colors(&mut self) -> &mut [[f32; 3]] {
         self.spread();
         match &mut self.colors {
@@ -237,7 +242,8 @@ impl Mesh {
         *self = Self { colors, ..Self::default() };
     }
 
-    /// Some of the faces as a mesh of their own, with the vertices that they use. `faces` ascend. `[F']`
+    /// Some of the faces as a mesh of their own, with the vertices that they use. `faces` ascend.
+    /// `[F']`
     pub fn part(&self, faces: &[u32]) -> Mesh {
         let opacity = gather_any(&self.opacity, faces);
         let normals = gather_any(&self.normals, faces);
@@ -298,10 +304,12 @@ impl Mesh {
         rest
     }
 
-    /// Appends the faces of `other`. The result has indices if either has them, colours per face only if both
-    /// have these, and a texture only if both have one.
+    /// Appends the faces of `other`. The result has indices if either has them, colours per face
+    /// only if both have these, and a texture only if both have one.
     ///
-    /// Errors: more vertices than 32 bits count.
+    /// # Errors
+    ///
+    /// More vertices than 32 bits count.
     pub fn append(&mut self, mut other: Mesh) -> Result<()> {
         if !self.opacity.is_empty() || !other.opacity.is_empty() {
             self.opacity.resize(self.face_count(), 1.0);
@@ -365,7 +373,8 @@ impl Mesh {
         (b - a).cross(c - a).normalize_or(DVec3::Y).as_vec3()
     }
 
-    /// Unit normal of every vertex: the mean of its faces', by their area; none when faces have none. `[V]`
+    /// Unit normal of every vertex: the mean of its faces', by their area; none when faces have
+    /// none. `[V]`
     pub fn vertex_normals(&self) -> Vec<Vec3> {
         let mut sums =
             vec![Vec3::ZERO; if self.normals.is_empty() { 0 } else { self.vertex_count() }];
@@ -481,8 +490,8 @@ impl Mesh {
         }
     }
 
-    /// Checks shapes and ranges: whole faces, indices in range, finite positions, colours in [0, 1].
-    /// A valid mesh costs one parallel scan.
+    /// Checks shapes and ranges: whole faces, indices in range, finite positions, colours in [0,
+    /// 1]. A valid mesh costs one parallel scan.
     pub fn validate(&self) -> Result<()> {
         self.validate_shape()?;
         let (Colors::Face(colors) | Colors::Vertex(colors)) = &self.colors;

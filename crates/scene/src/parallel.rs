@@ -1,8 +1,9 @@
 //! Parallel loops, on the threads of the current pool of rayon.
 //!
-//! All run through [`run`], whose closure is a `dyn Fn`: rayon's adaptors compile the splitting of the work anew for every loop.
-//! So a call must be worth a task: a row, a tile, a chunk. Loops over small elements take a `grain`, the least number of them in a task.
-//! Results come in the order of the input and do not depend on the number of threads.
+//! All run through [`run`], whose closure is a `dyn Fn`: rayon's adaptors compile the splitting of
+//! the work anew for every loop. So a call must be worth a task: a row, a tile, a chunk. Loops over
+//! small elements take a `grain`, the least number of them in a task. Results come in the order of
+//! the input and do not depend on the number of threads.
 #![allow(unsafe_code)]
 
 use rayon::prelude::*;
@@ -117,8 +118,9 @@ pub fn find_first<T: Send>(
     found.into_iter().flatten().next()
 }
 
-/// The results of `work` for consecutive ranges of the numbers below `count`, each of at least `grain`, but the last.
-/// How many there are depends on the number of threads, so what is made of them must not: integers summed, lists joined.
+/// The results of `work` for consecutive ranges of the numbers below `count`, each of at least
+/// `grain`, but the last. How many there are depends on the number of threads, so what is made of
+/// them must not: integers summed, lists joined.
 pub fn ranges<T: Send>(
     count: usize,
     grain: usize,
@@ -157,8 +159,8 @@ fn fill<S, T: Send>(
             slot.write(value(&mut state, i));
         }
     });
-    // SAFETY: `for_each` returns when every task has written its slots, which are the first `count` behind the old end;
-    // a panic of a task leaves the length as it was.
+    // SAFETY: `for_each` returns when every task has written its slots, which are the first `count`
+    // behind the old end; a panic of a task leaves the length as it was.
     unsafe { out.set_len(out.len() + count) };
 }
 

@@ -10,8 +10,8 @@ use glam::{DQuat, DVec2, DVec3, Vec3};
 use std::fmt;
 use std::str::FromStr;
 
-/// A camera of a world whose coordinates are relative to `origin`, in the frame of a file placed by `placement`.
-/// Depths are in the file's units.
+/// A camera of a world whose coordinates are relative to `origin`, in the frame of a file placed by
+/// `placement`. Depths are in the file's units.
 ///
 /// ```text
 /// q = R (w - origin) + t,   f = U s (w - center)   gives   s q = R U^T f + s (R (center - origin) + t)
@@ -37,7 +37,7 @@ pub fn to_world(camera: &Camera, placement: &Placement, origin: DVec3) -> Camera
     }
 }
 
-// ---- The cameras of photos that a file names ----------------------------------------------------------
+// ---- The cameras of photos that a file names ----------------------------------------------------
 
 /// Most of them: 60 bytes each.
 const MOST_CAMERAS: usize = 32;
@@ -89,7 +89,7 @@ pub fn named_cameras(provenance: &Provenance) -> Vec<Camera> {
     provenance.cameras.iter().take(MOST_CAMERAS).filter_map(camera).collect()
 }
 
-// ---- Training space, in which rates and epsilons mean the same for every scene ----
+// ---- Training space, in which rates and epsilons mean the same for every scene ------------------
 
 /// Most pairs of a camera and a point for the unit; with more, a random selection is used.
 const PAIRS: usize = 200_000;
@@ -112,7 +112,8 @@ impl SceneNormalization {
         Self::of(cameras, points.len(), |i| points[i])
     }
 
-    /// Like [`SceneNormalization::new`], for `count` points that are not in a list, because only few are used.
+    /// Like [`SceneNormalization::new`], for `count` points that are not in a list, because only
+    /// few are used.
     pub fn of(cameras: &[Camera], count: usize, point: impl Fn(usize) -> Vec3) -> Self {
         let positions: Vec<_> = cameras.iter().map(|c| c.position().as_dvec3()).collect();
         let center = positions.iter().sum::<glam::DVec3>() / positions.len().max(1) as f64;
@@ -152,8 +153,9 @@ impl SceneNormalization {
     }
 }
 
-/// Pairs of a camera and a point: all of them, or [`PAIRS`] in which both are drawn independently. A stride
-/// through the numbered pairs would meet only few cameras if it shared a factor with their number.
+/// Pairs of a camera and a point: all of them, or [`PAIRS`] in which both are drawn independently.
+/// A stride through the numbered pairs would meet only few cameras if it shared a factor with their
+/// number.
 fn pairs(cameras: usize, points: usize) -> impl Iterator<Item = (usize, usize)> {
     let all = cameras.saturating_mul(points);
     let camera = Rng::new(SEED, "space camera", 0);
@@ -165,7 +167,7 @@ fn pairs(cameras: usize, points: usize) -> impl Iterator<Item = (usize, usize)> 
     })
 }
 
-// ---- A part of space: a box, a sphere, the view of cameras, or the subject of a scene ----------------
+// ---- A part of space: a box, a sphere, the view of cameras, or the subject of a scene -----------
 
 /// A part of space.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -221,7 +223,8 @@ impl fmt::Display for Region {
 crate::as_text!(Region);
 
 impl Region {
-    /// Whether a point is in it; `cameras` look at the scene. A subject needs the whole scene to be found: every point may be in it.
+    /// Whether a point is in it; `cameras` look at the scene. A subject needs the whole scene to be
+    /// found: every point may be in it.
     pub fn holds(&self, point: DVec3, cameras: &[Camera]) -> bool {
         match *self {
             Self::Box(low, high) => {

@@ -1,4 +1,5 @@
-//! The ranges of numeric options. They stand at the fields, `#[schemars(range(…))]`; each number is checked before any work.
+//! The ranges of numeric options. They stand at the fields, `#[schemars(range(…))]`; each number is
+//! checked before any work.
 
 use crate::error::{Error, Result};
 use schemars::JsonSchema;
@@ -20,14 +21,18 @@ pub enum Called {
     ByKey,
 }
 
-/// Checks every number of `options` against the range at its field. Dependencies between options are checked at their use.
+/// Checks every number of `options` against the range at its field. Dependencies between options
+/// are checked at their use.
 ///
-/// Errors: the first number out of its range.
+/// # Errors
+///
+/// The first number out of its range.
 pub fn check<T: Serialize + JsonSchema>(options: &T, called: Called) -> Result<()> {
     each(options, &mut |key, number, range| within(key, number, range, called))
 }
 
-/// Checks an optional number, because JSON cannot tell a missing number from one that is not finite.
+/// Checks an optional number, because JSON cannot tell a missing number from one that is not
+/// finite.
 pub fn check_finite(name: &str, value: Option<f64>) -> Result<()> {
     match value {
         Some(value) if !value.is_finite() => Err(Error::invalid(name, value, "a finite number")),
@@ -46,8 +51,8 @@ pub fn count(text: &str) -> std::result::Result<usize, String> {
 /// Is given the key, the value and the range of a number.
 pub type Visit<'a> = &'a mut dyn FnMut(&str, f64, (f64, f64)) -> Result<()>;
 
-/// Calls `visit` with the key, as in `loss.opacity`, the value and the range of each number of `options`; with NaN for one that
-/// is not finite, which JSON cannot express.
+/// Calls `visit` with the key, as in `loss.opacity`, the value and the range of each number of
+/// `options`; with NaN for one that is not finite, which JSON cannot express.
 pub fn each<T: Serialize + JsonSchema>(options: &T, visit: Visit<'_>) -> Result<()> {
     let value =
         serde_json::to_value(options).map_err(|e| Error::invalid("options", e, "numbers"))?;

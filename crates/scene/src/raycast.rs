@@ -1,6 +1,7 @@
 //! Rays against an asset's faces.
 //!
-//! `obvhs` finds candidates in f32, in the scene moved to the unit cube; distances are f64 in the scene's own units.
+//! `obvhs` finds candidates in f32, in the scene moved to the unit cube; distances are f64 in the
+//! scene's own units.
 
 use crate::Rng;
 use crate::mesh::Mesh;
@@ -20,9 +21,11 @@ pub struct Hit {
     pub distance: f64,
 }
 
-/// The tree that [`Asset::raycast`](crate::Asset::raycast) builds at its first ray. A clone is empty.
+/// The tree that [`Asset::raycast`](crate::Asset::raycast) builds at its first ray. A clone is
+/// empty.
 ///
-/// After a change of positions or indices in place, set it to its default: it is of the old triangles.
+/// After a change of positions or indices in place, set it to its default: it is of the old
+/// triangles.
 #[derive(Default)]
 pub struct RayTree(OnceLock<Tree>);
 
@@ -39,7 +42,8 @@ impl std::fmt::Debug for RayTree {
 }
 
 impl RayTree {
-    /// The first of the first `faces` faces of `mesh` on a ray; the tree stays that of the first call's mesh.
+    /// The first of the first `faces` faces of `mesh` on a ray; the tree stays that of the first
+    /// call's mesh.
     pub fn first_hit(
         &self,
         mesh: &Mesh,
@@ -55,7 +59,8 @@ impl RayTree {
         let length = direction.length();
         let mut nearest: Option<Hit> = None;
         let mut test = |face: u32| {
-            // Along the direction as it was given: products of f32 are exact in f64, so rounding gives no face without area a hit.
+            // Along the direction as it was given: products of f32 are exact in f64, so rounding
+            // gives no face without area a hit.
             let found =
                 intersect(origin, direction, mesh.corners(face as usize)).map(|t| t * length);
             if let Some(distance) = found
@@ -75,7 +80,8 @@ impl RayTree {
     }
 }
 
-/// Distance, in lengths of `direction`, to a triangle seen from either side (Möller and Trumbore 1997), edges included.
+/// Distance, in lengths of `direction`, to a triangle seen from either side (Möller and Trumbore
+/// 1997), edges included.
 fn intersect(origin: DVec3, direction: DVec3, corners: [Vec3; 3]) -> Option<f64> {
     let [a, b, c] = corners.map(|v| v.as_dvec3());
     let ab = b - a;
@@ -127,8 +133,8 @@ impl Tree {
         Self { bvh, faces, origin, scale }
     }
 
-    /// Calls `test`, which returns the distance of a face, with every face that may be the nearest. False when the
-    /// ray starts too far away to tell.
+    /// Calls `test`, which returns the distance of a face, with every face that may be the nearest.
+    /// False when the ray starts too far away to tell.
     fn search(
         &self,
         origin: DVec3,
@@ -165,12 +171,12 @@ impl Tree {
     }
 }
 
-/// The boxes in a cube of side 1, each enlarged by [`MARGIN`] and a small amount that differs from box to box; the
-/// origin and scale of the cube.
+/// The boxes in a cube of side 1, each enlarged by [`MARGIN`] and a small amount that differs from
+/// box to box; the origin and scale of the cube.
 ///
-/// In the cube no area over- or underflows at any scale of the scene. The enlargement, a thousandth of the
-/// box, breaks ties. Among equal boxes obvhs would join one pair per pass, in quadratic time, into a tree as
-/// deep as the number of boxes.
+/// In the cube no area over- or underflows at any scale of the scene. The enlargement, a thousandth
+/// of the box, breaks ties. Among equal boxes obvhs would join one pair per pass, in quadratic
+/// time, into a tree as deep as the number of boxes.
 fn to_unit_cube(boxes: &[Aabb]) -> (Vec<Aabb>, DVec3, f64) {
     let all = boxes.iter().fold(Aabb::empty(), |all, b| all.union(b));
     let origin = all.min.as_dvec3();
@@ -193,7 +199,8 @@ fn to_unit_cube(boxes: &[Aabb]) -> (Vec<Aabb>, DVec3, f64) {
 mod tests {
     use super::*;
 
-    /// Equal boxes, where obvhs alone joins one pair a pass: seconds and a stack overflow without the tie-break.
+    /// Equal boxes, where obvhs alone joins one pair a pass: seconds and a stack overflow without
+    /// the tie-break.
     #[test]
     fn a_hundred_thousand_equal_triangles_build_a_shallow_tree() {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::Y].repeat(100_000);

@@ -1,7 +1,7 @@
 //! The report of a run: one entry per stage, printed by the command line and written by `--report`.
 //!
-//! A stage has its own type of measurements, which implements [`StageDetails`]. The report stores it as JSON,
-//! because it does not depend on stages; [`Report::details`] returns it typed.
+//! A stage has its own type of measurements, which implements [`StageDetails`]. The report stores
+//! it as JSON, because it does not depend on stages; [`Report::details`] returns it typed.
 
 use crate::error::{Error, Result};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -21,8 +21,8 @@ pub fn counted(number: u64, noun: &str) -> String {
 pub enum Outcome<T> {
     /// The stage did its work, with this result.
     Changed(T),
-    /// There was nothing to do, for this reason; the input is unchanged. Options are named by their fields,
-    /// in backticks.
+    /// There was nothing to do, for this reason; the input is unchanged. Options are named by their
+    /// fields, in backticks.
     Skipped(&'static str),
 }
 
@@ -35,10 +35,11 @@ pub struct Counts {
     pub vertices: u64,
 }
 
-/// The measurements of a stage: counts by cause, errors, sizes. Fields that do not apply are `None` and
-/// absent in JSON.
+/// The measurements of a stage: counts by cause, errors, sizes. Fields that do not apply are `None`
+/// and absent in JSON.
 pub trait StageDetails: Default + PartialEq + Serialize + DeserializeOwned + JsonSchema {
-    /// The name of the stage: that of its file, its option group, its test and its entry in the report.
+    /// The name of the stage: that of its file, its option group, its test and its entry in the
+    /// report.
     const STAGE: &'static str;
 }
 
@@ -88,7 +89,8 @@ impl StageReport {
 pub enum StageEvent<'a> {
     /// A stage starts.
     Started(&'a str),
-    /// Progress of the running stage, a fraction from 0 to 1. Only stages that may take long report it.
+    /// Progress of the running stage, a fraction from 0 to 1. Only stages that may take long report
+    /// it.
     Progressed(f64),
     /// Status text of the running stage.
     Noted(&'a str),
@@ -98,7 +100,8 @@ pub enum StageEvent<'a> {
     Finished(&'a StageReport),
 }
 
-/// Is told what happens. `ControlFlow::Break` at the start or the end of a stage stops the run; that of a capture, always.
+/// Is told what happens. `ControlFlow::Break` at the start or the end of a stage stops the run;
+/// that of a capture, always.
 pub type StageObserver<'a> = &'a mut dyn FnMut(StageEvent<'_>) -> ControlFlow<()>;
 
 /// Reports the progress of a stage to an observer.
@@ -191,9 +194,9 @@ impl Report {
         self.stages.iter().rev().find_map(StageReport::details_as)
     }
 
-    /// Runs the stage that `D` belongs to, times it and records what it did. `measure` counts a value's
-    /// triangles and vertices; `run` gets the value and empty details. Details are recorded if the stage
-    /// changed or measured something.
+    /// Runs the stage that `D` belongs to, times it and records what it did. `measure` counts a
+    /// value's triangles and vertices; `run` gets the value and empty details. Details are recorded
+    /// if the stage changed or measured something.
     ///
     /// Returns the changed value, or the input when there was nothing to do.
     pub fn stage<T, D: StageDetails>(
@@ -206,7 +209,8 @@ impl Report {
         self.long_stage(observer, input, measure, |value, details, _| run(value, details))
     }
 
-    /// [`Report::stage`] for one that may take long: `run` also gets a function that reports progress to the observer.
+    /// [`Report::stage`] for one that may take long: `run` also gets a function that reports
+    /// progress to the observer.
     pub fn long_stage<T, D: StageDetails>(
         &mut self,
         observer: StageObserver<'_>,

@@ -1,5 +1,5 @@
-//! Counter-based random numbers: a value depends only on (seed, purpose, step, index), so the order of
-//! evaluation and the number of threads cannot change it.
+//! Counter-based random numbers: a value depends only on (seed, purpose, step, index), so the order
+//! of evaluation and the number of threads cannot change it.
 
 use glam::Vec3;
 

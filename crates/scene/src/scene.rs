@@ -77,7 +77,8 @@ impl Scene {
         (0..self.triangle_count()).filter(|i| self.is_shell(*i)).count()
     }
 
-    /// A copy as a soup; the triangles of a mesh are nearly solid in it, each of the mean colour of its corners.
+    /// A copy as a soup; the triangles of a mesh are nearly solid in it, each of the mean colour of
+    /// its corners.
     pub fn to_soup(&self) -> Soup {
         match self {
             Scene::Soup(soup) => soup.clone(),
@@ -146,7 +147,9 @@ impl ImportedScene {
 
     /// Appends a backdrop to the mesh; a soup has none.
     ///
-    /// Errors: more vertices than 32 bits count.
+    /// # Errors
+    ///
+    /// More vertices than 32 bits count.
     pub fn put_backdrop(&mut self, backdrop: Mesh) -> Result<()> {
         if let Scene::Mesh(mesh) = &mut self.scene {
             self.provenance.backdrop += backdrop.face_count() as u32;

@@ -5,8 +5,8 @@ use crate::math::lists::{all_finite, all_in_unit, all_positive};
 use crate::parallel::{self, GRAIN};
 use glam::Vec3;
 
-/// The SH degree 0 basis function, 1 / (2 sqrt(pi)), in eight digits: one unit in the last place below the
-/// kernels' constant in f32, and part of the bits of every baked colour.
+/// The SH degree 0 basis function, 1 / (2 sqrt(pi)), in eight digits: one unit in the last place
+/// below the kernels' constant in f32, and part of the bits of every baked colour.
 pub const SH_C0: f32 = 0.282_094_79;
 
 /// N unconnected triangles. Values are physical, never logits.
@@ -22,8 +22,8 @@ pub struct Soup {
     pub sh: Vec<[f32; 3]>,
     /// Degree 0..=3; K = (degree + 1)^2 coefficients per triangle.
     pub sh_degree: u8,
-    /// True for triangles of the shell, which closes a trained scene where it has no points; empty without a
-    /// shell. `[N]`
+    /// True for triangles of the shell, which closes a trained scene where it has no points; empty
+    /// without a shell. `[N]`
     pub shell: Vec<bool>,
 }
 
@@ -79,7 +79,8 @@ impl Soup {
         shell
     }
 
-    /// Puts the triangles of the shell first, the order unchanged otherwise; returns how many they are.
+    /// Puts the triangles of the shell first, the order unchanged otherwise; returns how many they
+    /// are.
     pub fn put_shell_first(&mut self) -> usize {
         let count = self.shell_count();
         if self.shell.iter().take(count).any(|shell| !shell) {

@@ -5,7 +5,8 @@ use crate::math::lists::{all_finite, all_in_unit};
 use crate::soup::{Soup, keep_rows, rgb_from_sh0};
 use glam::{Quat, Vec3};
 
-/// Standard deviations from a Gaussian's middle to the corners of its triangle: the triangle then covers about what the eye sees of it.
+/// Standard deviations from a Gaussian's middle to the corners of its triangle: the triangle then
+/// covers about what the eye sees of it.
 const CORNER_SIGMAS: f32 = 2.2;
 
 /// N Gaussians. Values are physical, never logits or logarithms.
@@ -13,7 +14,8 @@ const CORNER_SIGMAS: f32 = 2.2;
 pub struct Splats {
     /// Their middles, world units. `[N]`
     pub positions: Vec<Vec3>,
-    /// Standard deviations along their own axes, world units, 0 or more; a disc has a third one of 0. `[N]`
+    /// Standard deviations along their own axes, world units, 0 or more; a disc has a third one of
+    /// 0. `[N]`
     pub scales: Vec<Vec3>,
     /// From their own axes to the world; of length one. `[N]`
     pub rotations: Vec<Quat>,
@@ -115,7 +117,8 @@ impl Splats {
         Ok(())
     }
 
-    /// Checks that all numbers are finite and in range; the error names the first Gaussian that is not.
+    /// Checks that all numbers are finite and in range; the error names the first Gaussian that is
+    /// not.
     pub fn validate(&self) -> Result<()> {
         self.validate_shape()?;
         let numbers: [&[f32]; 3] = [
@@ -142,8 +145,8 @@ impl Splats {
         Err(Error::invalid("splats", format!("out of range at Gaussian {first}"), wants))
     }
 
-    /// Triangles in place of the `chosen` Gaussians, each in the plane of the two longer axes: where the scene is and how large
-    /// its parts are, but not how it looks.
+    /// Triangles in place of the `chosen` Gaussians, each in the plane of the two longer axes:
+    /// where the scene is and how large its parts are, but not how it looks.
     pub fn to_soup(&self, chosen: impl IntoIterator<Item = usize>) -> Soup {
         let mut soup = Soup::default();
         for i in chosen {

@@ -15,13 +15,13 @@ mod excerpt;
 
 pub use excerpt::packed;
 
-// ---- Where the faces of a mesh are on its pictures ---------------------------------------------------
+// ---- Where the faces of a mesh are on its pictures ----------------------------------------------
 
 /// The pictures of a mesh, its pages, and the places of its faces on them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FaceTexture {
-    /// Places of each face's corners on its page: (0, 0) is the upper left corner, (1, 1) the lower right one.
-    /// `[F]`
+    /// Places of each face's corners on its page: (0, 0) is the upper left corner, (1, 1) the lower
+    /// right one. `[F]`
     pub uvs: Vec<[Vec2; 3]>,
     /// At least one.
     pub pages: Vec<Arc<Texture>>,
@@ -97,8 +97,9 @@ impl FaceTexture {
         }
     }
 
-    /// Places of the vertices of a mesh with these indices, if faces that share a vertex agree; `[V]`.
-    /// Without indices, vertices are the corners of faces. An unused vertex is at the origin.
+    /// Places of the vertices of a mesh with these indices, if faces that share a vertex agree;
+    /// `[V]`. Without indices, vertices are the corners of faces. An unused vertex is at the
+    /// origin.
     pub fn of_vertices(&self, indices: &[u32], vertices: usize) -> Option<Vec<Vec2>> {
         if indices.is_empty() {
             return Some(self.uvs.as_flattened().to_vec());
@@ -126,7 +127,7 @@ impl FaceTexture {
     }
 }
 
-// ---- Several pages as one picture, for formats that name one -----------------------------------------
+// ---- Several pages as one picture, for formats that name one ------------------------------------
 
 /// Largest side of a joined picture, texels.
 const LARGEST: u32 = 8192;
@@ -187,9 +188,10 @@ impl FaceTexture {
     }
 }
 
-// ---- A picture with its mip levels, and sampling as in an engine -------------------------------------
+// ---- A picture with its mip levels, and sampling as in an engine --------------------------------
 
-/// A picture and its mip levels, each half the size of the previous one, down to one texel. sRGB codes.
+/// A picture and its mip levels, each half the size of the previous one, down to one texel. sRGB
+/// codes.
 #[derive(Debug, Clone)]
 pub struct Texture {
     levels: Vec<RgbImage>,
@@ -213,8 +215,8 @@ pub struct StoredPicture {
 }
 
 impl Texture {
-    /// The texture of a picture with at least one texel; its alpha is not used. Levels are means of four
-    /// texels in linear light.
+    /// The texture of a picture with at least one texel; its alpha is not used. Levels are means of
+    /// four texels in linear light.
     pub fn new(picture: RgbImage) -> Self {
         let mut levels = vec![RgbImage { alpha: None, ..picture }];
         while let Some(finest) = levels.last().filter(|level| level.size.max_element() > 1) {
@@ -225,7 +227,9 @@ impl Texture {
 
     /// The texture of a picture that a file holds as `bytes`; `place` is for messages.
     ///
-    /// Errors: what cannot be decoded, or not within `limits`.
+    /// # Errors
+    ///
+    /// What cannot be decoded, or not within `limits`.
     pub fn decoded(place: &Path, bytes: &[u8], limits: &Limits) -> Result<Self> {
         let format =
             image::guess_format(bytes).map_or_else(|_| "?".to_owned(), |f| format!("{f:?}"));
@@ -243,7 +247,8 @@ impl Texture {
         &self.levels[0]
     }
 
-    /// The picture, or a mip level of it: the same with half of the texels along each side, `halvings` times.
+    /// The picture, or a mip level of it: the same with half of the texels along each side,
+    /// `halvings` times.
     pub fn level(&self, halvings: usize) -> &RgbImage {
         &self.levels[halvings.min(self.levels.len() - 1)]
     }
@@ -258,8 +263,9 @@ impl Texture {
         self.picture().size
     }
 
-    /// The linear colour at `uv`, (0, 0) the upper left corner, as engines filter it: between the four nearest texels of the two
-    /// levels nearest to `level`. Outside of [0, 1] the border is repeated.
+    /// The linear colour at `uv`, (0, 0) the upper left corner, as engines filter it: between the
+    /// four nearest texels of the two levels nearest to `level`. Outside of [0, 1] the border is
+    /// repeated.
     pub fn sample(&self, uv: Vec2, level: f32) -> [f32; 3] {
         let level = if level > 0.0 { level.min((self.levels.len() - 1) as f32) } else { 0.0 };
         let finer = level as usize;

@@ -22,7 +22,8 @@ const DRAWING: f64 = 0.5;
 /// Pieces with less than this share of a part's area are crumbs.
 const CRUMB: f64 = 0.1;
 
-/// The part of a scene that a surface is made of. All of the scene is drawn, so that its pictures have no holes where the rest begins.
+/// The part of a scene that a surface is made of. All of the scene is drawn, so that its pictures
+/// have no holes where the rest begins.
 pub struct Part<'a> {
     /// Corners of a box around it.
     pub bounds: [Vec3; 2],
@@ -30,12 +31,18 @@ pub struct Part<'a> {
     pub keep: &'a dyn Fn(&Mesh) -> Vec<bool>,
 }
 
-/// The surface that `cameras`, in the frame of `scene`, see of it; without cameras those that it stores, or chosen ones: connected, with shared vertices, indices and a colour per vertex, in the
-/// frame of the scene. Its fronts face the cameras. `None` when they see nothing. The same bits for any number of threads.
+/// The surface that `cameras`, in the frame of `scene`, see of it; without cameras those that it
+/// stores, or chosen ones: connected, with shared vertices, indices and a colour per vertex, in the
+/// frame of the scene. Its fronts face the cameras. `None` when they see nothing. The same bits for
+/// any number of threads.
 ///
-/// The shell of a soup is left out unless the options ask for it; a backdrop must have been taken out before.
+/// The shell of a soup is left out unless the options ask for it; a backdrop must have been taken
+/// out before.
 ///
-/// Errors: options out of range; more blocks than `limits` permit in an array; fewer triangles than a surface can have.
+/// # Errors
+///
+/// Options out of range; more blocks than `limits` permit in an array; fewer triangles than a
+/// surface can have.
 pub fn surface(
     scene: &ImportedScene,
     cameras: &[Camera],
@@ -49,7 +56,9 @@ pub fn surface(
 
 /// The same, of a `part` of the scene: without crumbs, and with all holes closed.
 ///
-/// Errors: as above.
+/// # Errors
+///
+/// As above.
 pub fn surface_of_part(
     scene: &ImportedScene,
     cameras: &[Camera],
@@ -128,15 +137,16 @@ fn fused(
     Ok(Field { numbers, blocks })
 }
 
-// ---- A collider: a connected surface of few triangles, because the scene's own triangles overlap -----
+// ---- A collider: a connected surface of few triangles, because the scene's own triangles overlap
 
 /// Whether a collider is made.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct CollisionOptions {
-    /// Make a surface of few triangles to collide with: for Godot a node that it does not draw, for others a
-    /// file OUT.collision.glb. It covers the view of the cameras of --dataset, or of the scene
+    /// Make a surface of few triangles to collide with: for Godot a node that it does not draw, for
+    /// others a file OUT.collision.glb. It covers the view of the cameras of --dataset, or of the
+    /// scene
     #[cfg_attr(feature = "cli", arg(long))]
     pub collision: bool,
     /// Most triangles of that surface
@@ -169,10 +179,12 @@ pub struct CollisionDetails {
 
 trisplat_scene::stage!(CollisionDetails, "collision");
 
-/// Makes the surface of `scene` that `cameras` see, in the scene's frame. Without `cameras`, stored or chosen
-/// ones are used.
+/// Makes the surface of `scene` that `cameras` see, in the scene's frame. Without `cameras`, stored
+/// or chosen ones are used.
 ///
-/// Errors: too many blocks of the distance field; fewer triangles than a surface can have.
+/// # Errors
+///
+/// Too many blocks of the distance field; fewer triangles than a surface can have.
 pub fn collision(
     found: &mut Option<Mesh>,
     scene: &ImportedScene,

@@ -1,4 +1,5 @@
-//! Closes small holes: where photos see too little of a wall, the field has no distance, and the surface a hole.
+//! Closes small holes: where photos see too little of a wall, the field has no distance, and the
+//! surface a hole.
 
 use glam::Vec3;
 use std::collections::BTreeMap;
@@ -13,11 +14,13 @@ const MOST_EDGES: usize = 32;
 pub(super) enum Holes {
     /// Those with few edges.
     Small,
-    /// All but the one that reaches farthest, which is the outline: one of zigzags may have more edges.
+    /// All but the one that reaches farthest, which is the outline: one of zigzags may have more
+    /// edges.
     AllButTheWidest,
 }
 
-/// Closes `holes`, each by a fan around its middle. Returns how many. The mesh has indices and a colour per vertex.
+/// Closes `holes`, each by a fan around its middle. Returns how many. The mesh has indices and a
+/// colour per vertex.
 pub(super) fn fill(mesh: &mut Mesh, holes: Holes) -> u64 {
     let mut rings = rings(mesh);
     match holes {
@@ -35,7 +38,8 @@ pub(super) fn fill(mesh: &mut Mesh, holes: Holes) -> u64 {
     rings.len() as u64
 }
 
-/// The vertices of each hole, in order around it. Where borders touch at a vertex, each gets a ring of its own that passes there.
+/// The vertices of each hole, in order around it. Where borders touch at a vertex, each gets a ring
+/// of its own that passes there.
 fn rings(mesh: &Mesh) -> Vec<Vec<u32>> {
     let mut after = border(mesh);
     let mut places: Vec<Option<usize>> = vec![None; mesh.vertex_count()];
@@ -103,7 +107,7 @@ fn close(mesh: &mut Mesh, ring: &[u32]) {
     }
 }
 
-// ---- Connected pieces of a mesh ----------------------------------------------------------------------
+// ---- Connected pieces of a mesh -----------------------------------------------------------------
 
 /// What [`drop_small`] did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,7 +118,8 @@ pub(super) struct Components {
     pub(super) dropped_faces: u64,
 }
 
-/// Drops pieces of fewer than `least` faces, and vertices that no face uses. Faces are connected that share a vertex.
+/// Drops pieces of fewer than `least` faces, and vertices that no face uses. Faces are connected
+/// that share a vertex.
 pub(super) fn drop_small(mesh: &mut Mesh, least: u32) -> Components {
     let pieces = pieces(mesh);
     let mut faces = vec![0u32; mesh.vertex_count()];

@@ -7,8 +7,9 @@ use glam::{IVec3, Vec3};
 use std::sync::LazyLock;
 use trisplat_scene::math::color::{linear_from_srgb, srgb8_from_linear};
 
-/// Relative weight of rays that pass far before a surface: at outlines they pass near a surface that they do not hit, and between
-/// unconnected triangles through one. With more, half of a shining table is eaten away (docs/benchmarks/surface.md).
+/// Relative weight of rays that pass far before a surface: at outlines they pass near a surface
+/// that they do not hit, and between unconnected triangles through one. With more, half of a
+/// shining table is eaten away (docs/benchmarks/surface.md).
 const PASSING: f32 = 0.02;
 /// Distances behind a surface count fully up to this share of the truncation.
 const BEHIND: f32 = 0.25;
@@ -37,7 +38,8 @@ struct Sums {
 }
 
 impl Fusion {
-    /// The samples of the block of this number. Pictures are taken in their order, so the sums do not depend on threads.
+    /// The samples of the block of this number. Pictures are taken in their order, so the sums do
+    /// not depend on threads.
     pub(super) fn block(&self, number: u64, observers: &[Observer<'_>]) -> Block {
         let first = block(number) * SIDE;
         let side = self.grid.voxel * SIDE as f32;
@@ -73,13 +75,14 @@ impl Fusion {
         }
     }
 
-    /// How much a distance counts, from 0 to 1. A ray is free up to where it ends; it says less and less of what is
-    /// behind, and little of a surface that it passes.
+    /// How much a distance counts, from 0 to 1. A ray is free up to where it ends; it says less and
+    /// less of what is behind, and little of a surface that it passes.
     fn trust(&self, distance: f32) -> f32 {
         if distance >= self.truncation {
             return PASSING;
         }
-        // Behind an edge is soon free space again, which other rays see; depths that differ from picture to picture must count alike.
+        // Behind an edge is soon free space again, which other rays see; depths that differ from
+        // picture to picture must count alike.
         let left = (1.0 + distance / self.truncation) / (1.0 - BEHIND);
         left.min(1.0).powi(4)
     }
@@ -99,7 +102,7 @@ impl Fusion {
     }
 }
 
-// ---- The distance field: blocks of samples -----------------------------------------------------------
+// ---- The distance field: blocks of samples ------------------------------------------------------
 
 /// Samples of a block.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]

@@ -34,9 +34,12 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// Over a box, or over what `pictures` see, without what is seen far off by few of their pixels; `None` when they see nothing.
+    /// Over a box, or over what `pictures` see, without what is seen far off by few of their
+    /// pixels; `None` when they see nothing.
     ///
-    /// Errors: cells so small that a block has no number.
+    /// # Errors
+    ///
+    /// Cells so small that a block has no number.
     pub(super) fn over(
         pictures: &[DepthPicture],
         bounds: Option<[Vec3; 2]>,
@@ -130,10 +133,10 @@ fn grown(low: Vec3, high: Vec3) -> (Vec3, Vec3) {
     (low - margin, high + margin)
 }
 
-// ---- Which blocks of the lattice a surface runs through ----------------------------------------------
+// ---- Which blocks of the lattice a surface runs through -----------------------------------------
 
-/// Samples this near to a point of the surface, in cells, are needed: a cell that the surface runs through has corners up to one cell
-/// from it, and pixels lie up to one cell apart.
+/// Samples this near to a point of the surface, in cells, are needed: a cell that the surface runs
+/// through has corners up to one cell from it, and pixels lie up to one cell apart.
 const REACH: f32 = 2.0;
 
 /// The numbers of the blocks near what `pictures` see, in ascending order.

@@ -1,15 +1,18 @@
-//! A connected, coloured surface in place of triangles that overlap: something to walk on and to collide with.
+//! A connected, coloured surface in place of triangles that overlap: something to walk on and to
+//! collide with.
 //!
 //! ```text
 //! scene + cameras ──► depth pictures ──► signed distances on a sparse lattice ──► surface nets ──► components ──► fill ──► smooth ──► simplify ──► Mesh
 //! ```
 //!
-//! As in the supplement of Held et al. 2025 (mesh extraction from depth maps, after 2D Gaussian Splatting): the median depth of what
-//! each camera sees is fused into a truncated signed distance field (Curless and Levoy 1996), whose zero is the surface. What no
-//! camera has observed has no surface, so holes in the observation stay open, but for small ones.
+//! As in the supplement of Held et al. 2025 (mesh extraction from depth maps, after 2D Gaussian
+//! Splatting): the median depth of what each camera sees is fused into a truncated signed distance
+//! field (Curless and Levoy 1996), whose zero is the surface. What no camera has observed has no
+//! surface, so holes in the observation stay open, but for small ones.
 //!
-//! Surface nets are our own, as the crates there are take a dense box of known samples: they would invent a surface around what is
-//! unobserved, and double the vertices where the blocks of a sparse lattice meet.
+//! Surface nets are our own, as the crates there are take a dense box of known samples: they would
+//! invent a surface around what is unobserved, and double the vertices where the blocks of a sparse
+//! lattice meet.
 //!
 //! In: a scene. Out: a connected mesh, for the eye or to collide with.
 

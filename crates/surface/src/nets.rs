@@ -1,5 +1,5 @@
-//! Surface nets (Gibson 1998): a vertex for every sheet of the surface in a cell, a quadrilateral across every edge of the lattice
-//! that it crosses. Cells with an unobserved corner have none.
+//! Surface nets (Gibson 1998): a vertex for every sheet of the surface in a cell, a quadrilateral
+//! across every edge of the lattice that it crosses. Cells with an unobserved corner have none.
 
 use crate::fuse::Field;
 use crate::grid::{Grid, SAMPLES, SIDE, block, within};
@@ -8,7 +8,8 @@ use std::ops::Range;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel;
 
-/// Crossings stay this far from the samples, as a share of the edge, so that no two vertices fall together.
+/// Crossings stay this far from the samples, as a share of the edge, so that no two vertices fall
+/// together.
 const INSET: f32 = 1e-3;
 const AXES: [IVec3; 3] = [IVec3::X, IVec3::Y, IVec3::Z];
 
@@ -138,7 +139,7 @@ fn cut(ring: [(u32, Vec3); 4]) -> [u32; 6] {
     if length(0, 2) <= length(1, 3) { [a, b, c, a, c, d] } else { [a, b, d, b, c, d] }
 }
 
-// ---- Which sheets of the surface run through a cell --------------------------------------------------
+// ---- Which sheets of the surface run through a cell ---------------------------------------------
 
 /// The corners of a cell, bit i of the number along axis i.
 pub(super) const CORNERS: usize = 8;
@@ -167,7 +168,8 @@ pub(super) fn edge(from: usize, axis: usize) -> usize {
     4 * axis + (from >> low & 1) + 2 * (from >> high & 1)
 }
 
-/// The edges that each sheet crosses, in the order of its first edge; signs of distances at the corners decide.
+/// The edges that each sheet crosses, in the order of its first edge; signs of distances at the
+/// corners decide.
 pub(super) fn sheets(distances: &[f32; CORNERS]) -> impl Iterator<Item = EdgeSet> + use<> {
     let inside = distances.map(|d| d < 0.0);
     let crossed = |e: usize| inside[EDGES[e].0] != inside[EDGES[e].1];
@@ -183,7 +185,8 @@ pub(super) fn sheets(distances: &[f32; CORNERS]) -> impl Iterator<Item = EdgeSet
         match edges.iter().filter(|e| crossed(**e)).count() {
             0 => {}
             4 => {
-                // Corners of two signs, crosswise: those of the lesser weight are apart. Both cells of a face add in this order.
+                // Corners of two signs, crosswise: those of the lesser weight are apart. Both cells
+                // of a face add in this order.
                 let [a, b, c, d] = ring.map(|corner| distances[corner]);
                 let apart = (a + c) + (b + d) >= 0.0;
                 (0..4)
@@ -203,7 +206,8 @@ pub(super) fn sheets(distances: &[f32; CORNERS]) -> impl Iterator<Item = EdgeSet
         .map(move |e| sheet[e])
 }
 
-/// The corners around a face: two for each axis, the lower one first. Opposite faces have them in the same order.
+/// The corners around a face: two for each axis, the lower one first. Opposite faces have them in
+/// the same order.
 fn ring(face: usize) -> [usize; 4] {
     let axis = face / 2;
     let high = face % 2;

@@ -12,7 +12,8 @@ const MOST_CELLS: u32 = 256;
 const LEAST_CELLS: u32 = 48;
 /// Cells along it per root of the triangles that are to be left, ...
 const CELLS_PER_SIDE: f64 = 1.3;
-/// ... and, where the surface serves a scene, per root of the scene's triangles: time grows with the square of the cells.
+/// ... and, where the surface serves a scene, per root of the scene's triangles: time grows with
+/// the square of the cells.
 const CELLS_OF_SCENE: f64 = 6.0;
 
 /// How a connected surface is made.
@@ -20,8 +21,8 @@ const CELLS_OF_SCENE: f64 = 6.0;
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct SurfaceOptions {
-    /// Cells of the distance field along the longest side of what the cameras see, 8 or more; 256 unless given, or as few as
-    /// `--max-triangles` can show
+    /// Cells of the distance field along the longest side of what the cameras see, 8 or more; 256
+    /// unless given, or as few as `--max-triangles` can show
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[schemars(range(min = 8, max = 65_536))]
     pub resolution: Option<u32>,
@@ -29,7 +30,8 @@ pub struct SurfaceOptions {
     #[cfg_attr(feature = "cli", arg(long, value_name = "SIDE", conflicts_with = "resolution"))]
     #[schemars(range(min = 1e-9, max = 1e9))]
     pub voxel: Option<f64>,
-    /// Longest distance from the surface that counts, in cells; more smooths, less keeps thin things
+    /// Longest distance from the surface that counts, in cells; more smooths, less keeps thin
+    /// things
     #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.truncation, value_name = "CELLS"))]
     #[schemars(range(min = 2.0, max = 64.0))]
     pub truncation: f64,
@@ -65,8 +67,8 @@ impl SurfaceOptions {
 
     /// Cells along the longest side.
     ///
-    /// Of a surface that is to have few triangles no more than these can show: what noise adds beyond costs triangles, and collapses of
-    /// edges tear it.
+    /// Of a surface that is to have few triangles no more than these can show: what noise adds
+    /// beyond costs triangles, and collapses of edges tear it.
     pub(super) fn cells(&self) -> u32 {
         let shown = |most: u32| (CELLS_PER_SIDE * f64::from(most).sqrt()) as u32;
         self.resolution.unwrap_or_else(|| {
@@ -82,7 +84,8 @@ impl SurfaceOptions {
 
     /// Checks the ranges.
     pub fn validate(&self) -> Result<()> {
-        // Surface nets need the distances of all corners of the cells that the surface runs through.
+        // Surface nets need the distances of all corners of the cells that the surface runs
+        // through.
         ranges::check(self, Called::ByFlag)?;
         ranges::check_finite("voxel", self.voxel)
     }
@@ -90,7 +93,7 @@ impl SurfaceOptions {
 
 trisplat_scene::default!(SurfaceOptions);
 
-// ---- What the making of a surface measured -----------------------------------------------------------
+// ---- What the making of a surface measured ------------------------------------------------------
 
 /// What a surface was made of, and what was dropped.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -108,11 +111,13 @@ pub struct SurfaceDetails {
     pub extracted: u64,
     /// Connected pieces that are left.
     pub components: u64,
-    /// Triangles of pieces that were too small: below `min_component`, or worth fewer than 8 of `max_triangles`.
+    /// Triangles of pieces that were too small: below `min_component`, or worth fewer than 8 of
+    /// `max_triangles`.
     pub small: u64,
     /// Small holes that were closed.
     pub holes: u64,
-    /// How far simplification moved the surface, units of the input, as it estimates it; absent when nothing was simplified.
+    /// How far simplification moved the surface, units of the input, as it estimates it; absent
+    /// when nothing was simplified.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub simplification_error: Option<f64>,
 }

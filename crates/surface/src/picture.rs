@@ -26,7 +26,8 @@ const FREE_WEIGHT: f32 = 0.5;
 #[derive(Debug)]
 pub(super) struct DepthPicture {
     pub(super) camera: Camera,
-    /// Depth z in the camera's frame, units of the scene; [`FREE`] or [`UNKNOWN`]. `[height * width]`
+    /// Depth z in the camera's frame, units of the scene; [`FREE`] or [`UNKNOWN`]. `[height *
+    /// width]`
     pub(super) depth: Vec<f32>,
     /// sRGB codes. `[height * width]`
     pub(super) rgb: Vec<[u8; 3]>,
@@ -37,7 +38,8 @@ pub(super) struct DepthPicture {
 pub(super) struct Observation {
     /// Depth of the surface there, or [`FREE`].
     pub(super) depth: f32,
-    /// Distance from the surface's plane per difference of depth: small where the surface is seen at a grazing angle.
+    /// Distance from the surface's plane per difference of depth: small where the surface is seen
+    /// at a grazing angle.
     pub(super) slant: f32,
     /// How much it counts.
     pub(super) weight: f32,
@@ -64,8 +66,9 @@ impl DepthPicture {
         point.is_finite().then_some(point)
     }
 
-    /// What is seen on the ray to `q`, a point in the camera's frame. Between pixels whose depths differ by less than `step` the
-    /// surface is a plane, on which 1/z is linear in the picture; elsewhere the nearest pixel is taken.
+    /// What is seen on the ray to `q`, a point in the camera's frame. Between pixels whose depths
+    /// differ by less than `step` the surface is a plane, on which 1/z is linear in the picture;
+    /// elsewhere the nearest pixel is taken.
     pub(super) fn observe(&self, q: Vec3, step: f32) -> Option<Observation> {
         let Camera { focal, center, size, .. } = self.camera;
         if !(q.z > 0.0) {
@@ -147,7 +150,7 @@ impl<'a> Observer<'a> {
     }
 }
 
-// ---- Draws the depth pictures of a scene -------------------------------------------------------------
+// ---- Draws the depth pictures of a scene --------------------------------------------------------
 
 /// Pixels of all pictures together: they are in memory at once, with 7 bytes each.
 const MOST_PIXELS: f64 = 48_000_000.0;
@@ -161,13 +164,14 @@ const PAIRS: usize = (2 * CRACK_PX * (CRACK_PX + 1)) as usize;
 const CRACK_SHARE: f32 = 0.25;
 /// ... by this share of the depth, ...
 const CRACK_BEHIND: f32 = 0.02;
-/// ... and whose depths differ by less than this share: two things beside each other have no crack between them.
+/// ... and whose depths differ by less than this share: two things beside each other have no crack
+/// between them.
 const SAME_SURFACE: f32 = 0.05;
 /// Depth of the near plane in units of training space, as in training.
 const NEAR: f32 = 0.01;
 
-/// What every camera sees of `scene`, with its `shell` or without. Where all pictures together would be too
-/// large, each is smaller.
+/// What every camera sees of `scene`, with its `shell` or without. Where all pictures together
+/// would be too large, each is smaller.
 pub(super) fn pictures(
     scene: &Scene,
     shell: bool,
@@ -199,8 +203,9 @@ pub(super) fn pictures(
     pictures
 }
 
-/// Closes the cracks of a surface of unconnected triangles. Where many pairs of opposite pixels around a pixel are before it, it becomes as
-/// far as a surface through the pairs: on a slope one of a pair is behind, beyond a straight outline both are, and a thin thing is before.
+/// Closes the cracks of a surface of unconnected triangles. Where many pairs of opposite pixels
+/// around a pixel are before it, it becomes as far as a surface through the pairs: on a slope one
+/// of a pair is behind, beyond a straight outline both are, and a thin thing is before.
 fn close_cracks(depth: &[f32], size: UVec2) -> Vec<f32> {
     let [width, height] = size.as_ivec2().to_array();
     let offsets: Vec<(i32, i32, isize)> = (0..=CRACK_PX)

@@ -1,5 +1,6 @@
-//! Fewer triangles for the same surface: pieces too small for what is left go, edges collapse by the quadric errors of meshoptimizer,
-//! and where the topology permits no more of that, vertices are joined and edges collapse again.
+//! Fewer triangles for the same surface: pieces too small for what is left go, edges collapse by
+//! the quadric errors of meshoptimizer, and where the topology permits no more of that, vertices
+//! are joined and edges collapse again.
 
 use crate::fill::{Components, drop_small_areas};
 use glam::{DMat3, DVec3, UVec3, Vec3};
@@ -10,11 +11,13 @@ use trisplat_scene::math::color::srgb_from_linear;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{Error, Result, parallel};
 
-/// How much a change of colour counts: one from black to white as a move by this share of the mesh's size.
+/// How much a change of colour counts: one from black to white as a move by this share of the
+/// mesh's size.
 const COLOR_WEIGHT: f32 = 0.02;
 /// A piece whose share of the area is worth fewer triangles is dropped: an octahedron has as many.
 const LEAST_PER_PIECE: f64 = 8.0;
-/// Most triangles that edge collapses start from, per triangle that stays: their time has no other bound.
+/// Most triangles that edge collapses start from, per triangle that stays: their time has no other
+/// bound.
 const MOST_PER_KEPT: usize = 512;
 /// Side of the first cells in which vertices are joined, in the length of the mean edge.
 const FIRST_CELL: f32 = 2.0;
@@ -33,9 +36,12 @@ pub(super) struct Simplified {
     pub(super) pieces: Components,
 }
 
-/// Simplifies an indexed mesh with colours per vertex to at most `most` faces; `None` when it had no more already.
+/// Simplifies an indexed mesh with colours per vertex to at most `most` faces; `None` when it had
+/// no more already.
 ///
-/// Errors: a surface that so few triangles cannot show.
+/// # Errors
+///
+/// A surface that so few triangles cannot show.
 pub(super) fn simplify(mesh: &mut Mesh, most: usize) -> Result<Option<Simplified>> {
     if mesh.face_count() <= most {
         return Ok(None);
@@ -52,7 +58,8 @@ pub(super) fn simplify(mesh: &mut Mesh, most: usize) -> Result<Option<Simplified
     while mesh.face_count() > most {
         let mut collapsed = mesh.clone();
         let moved = collapse(&mut collapsed, most);
-        // Collapses may end with nothing or with a corner of it, too; then the vertices are joined that there were.
+        // Collapses may end with nothing or with a corner of it, too; then the vertices are joined
+        // that there were.
         if size(&collapsed).cmpge(LEAST_SIZE * whole).all() && collapsed.face_count() > 0 {
             *mesh = collapsed;
             error = error + moved;
@@ -74,7 +81,8 @@ pub(super) fn simplify(mesh: &mut Mesh, most: usize) -> Result<Option<Simplified
     }
 }
 
-/// Collapses edges until `most` faces are left, or the topology permits no more. Returns how far the surface moved.
+/// Collapses edges until `most` faces are left, or the topology permits no more. Returns how far
+/// the surface moved.
 fn collapse(mesh: &mut Mesh, most: usize) -> f64 {
     let Colors::Vertex(colors) = &mesh.colors else { return 0.0 };
     let codes: Vec<f32> =
@@ -83,8 +91,8 @@ fn collapse(mesh: &mut Mesh, most: usize) -> f64 {
     let Ok(vertices) = VertexDataAdapter::new(bytes, size_of::<Vec3>(), 0) else { return 0.0 };
     let scale = meshopt::simplify_scale(&vertices);
     let mut error = 0.0;
-    // No vertex is locked. An empty list would be read beyond its end.
-    // Not `Prune`: where the topology keeps a piece above `most`, it drops one piece after the other until none is left.
+    // No vertex is locked. An empty list would be read beyond its end. Not `Prune`: where the
+    // topology keeps a piece above `most`, it drops one piece after the other until none is left.
     mesh.indices = meshopt::simplify_with_attributes_and_locks(
         &mesh.indices,
         &vertices,
@@ -124,13 +132,14 @@ fn check(mesh: &Mesh, most: usize) -> bool {
         && mesh.validate().is_ok()
 }
 
-// ---- Vertex clustering (Rossignac and Borrel 1993) ------------------------------------------------
+// ---- Vertex clustering (Rossignac and Borrel 1993) ----------------------------------------------
 
 /// Most cells along an axis: three such numbers fit into one of 64 bits.
 const MOST_CELLS: f32 = (1 << 20) as f32;
 
-/// Joins the vertices in cells of side `side`; each cell keeps the vertex nearest to the planes of its triangles. Triangles that become
-/// lines or repeat another go. Returns how far the surface moved, units of the mesh, root mean square over the cell that moved most.
+/// Joins the vertices in cells of side `side`; each cell keeps the vertex nearest to the planes of
+/// its triangles. Triangles that become lines or repeat another go. Returns how far the surface
+/// moved, units of the mesh, root mean square over the cell that moved most.
 pub(super) fn cluster(mesh: &mut Mesh, side: f32) -> f64 {
     let cells = cells(&mesh.positions, side);
     let (kept, moved) = chosen(mesh, &cells);
@@ -242,7 +251,7 @@ fn chosen(mesh: &Mesh, cells: &[u32]) -> (Vec<u32>, f64) {
     (best.into_iter().map(|(_, vertex)| vertex).collect(), most.sqrt())
 }
 
-// ---- Smoothing: vertices move towards the middle of their neighbours ------------------------------
+// ---- Smoothing: vertices move towards the middle of their neighbours ----------------------------
 
 /// The way towards the middle of the neighbours, and ...
 const SHRINK: f32 = 0.5;
@@ -267,7 +276,8 @@ pub(super) fn smooth(mesh: &mut Mesh, rounds: u32) {
     }
 }
 
-/// The vertices that each one moves with: those it shares an edge with; of the border, those along it.
+/// The vertices that each one moves with: those it shares an edge with; of the border, those along
+/// it.
 struct Neighbours {
     first: Vec<u32>,
     all: Vec<u32>,
@@ -307,7 +317,8 @@ mod tests {
     use glam::IVec3;
     use std::collections::HashMap;
 
-    /// Every other cube of a block of n³: all their edges are shared by four faces, so that no edge may collapse.
+    /// Every other cube of a block of n³: all their edges are shared by four faces, so that no edge
+    /// may collapse.
     fn checkerboard(n: i32) -> Mesh {
         let mut mesh = Mesh { colors: Colors::Vertex(Vec::new()), ..Mesh::default() };
         let mut numbers = HashMap::new();

@@ -1,7 +1,9 @@
-//! Draws a scene as it was trained, and tells its background and the triangles that show nothing but it.
+//! Draws a scene as it was trained, and tells its background and the triangles that show nothing
+//! but it.
 //!
-//! On a black background, training leaves black triangles around the object. They change no picture of the
-//! training, but every picture on another background. The borders of the scene's own pictures show the colour.
+//! On a black background, training leaves black triangles around the object. They change no picture
+//! of the training, but every picture on another background. The borders of the scene's own
+//! pictures show the colour.
 
 use crate::viewpoints::{Viewpoints, between, picture_bytes};
 use glam::{DVec3, Vec3};
@@ -47,8 +49,8 @@ pub struct Teacher {
 }
 
 impl Teacher {
-    /// Draws `soup` with `options` for `cameras` in its frame and others near them. Lengths in `options` are
-    /// in units of training space.
+    /// Draws `soup` with `options` for `cameras` in its frame and others near them. Lengths in
+    /// `options` are in units of training space.
     pub fn new(mut soup: Soup, cameras: &[Camera], options: &SoftOptions) -> Self {
         if !soup.vertices.iter().all(is_drawn) {
             let keep: Vec<bool> = soup.vertices.iter().map(is_drawn).collect();
@@ -78,8 +80,8 @@ impl Teacher {
         self.frame(camera).to_pixels()
     }
 
-    /// The picture of an object from `camera`, over black, with alpha. It is transparent where the picture shows the
-    /// colour `behind`, and over that colour it is the picture.
+    /// The picture of an object from `camera`, over black, with alpha. It is transparent where the
+    /// picture shows the colour `behind`, and over that colour it is the picture.
     pub fn object_picture(&mut self, camera: &Camera, behind: [f32; 3]) -> RgbImage {
         let own = self.options.background;
         let frame = self.frame(camera);
@@ -100,8 +102,8 @@ impl Teacher {
         self.frame(camera).to_cut_pixels()
     }
 
-    /// For each triangle, the mean of `values` of the pixels of all pictures, by its blending weight there; 1 for
-    /// a triangle that no camera sees. `[N]`
+    /// For each triangle, the mean of `values` of the pixels of all pictures, by its blending
+    /// weight there; 1 for a triangle that no camera sees. `[N]`
     pub(super) fn shares(&mut self, cameras: &[Camera], values: &[Vec<f32>]) -> Vec<f32> {
         let soup = SoupRef::from(&self.soup);
         let options = SoftOptions { importance: true, ..self.options };
@@ -133,7 +135,8 @@ const TOLERANCE: f32 = 4.0 / 255.0;
 const LEAST_UNIFORM: f64 = 0.9;
 /// Least cover of a pixel whose triangles show the colour of the background.
 const LEAST_COVER: f32 = 0.1;
-/// A triangle belongs to the object when at least this share of what cameras see of it shows the object.
+/// A triangle belongs to the object when at least this share of what cameras see of it shows the
+/// object.
 const LEAST_OBJECT: f32 = 0.5;
 
 /// What is behind the object of a scene.
@@ -146,8 +149,9 @@ pub struct Background {
 }
 
 impl Background {
-    /// The background of `soup`, as `cameras` see it; a `given` colour overrules the pictures. `None` where the
-    /// borders of the pictures have no common colour, as in a scene that fills them.
+    /// The background of `soup`, as `cameras` see it; a `given` colour overrules the pictures.
+    /// `None` where the borders of the pictures have no common colour, as in a scene that fills
+    /// them.
     pub fn of(soup: &Soup, cameras: &[Camera], given: Option<[f32; 3]>) -> Option<Self> {
         let chosen = evenly_spaced(cameras.len(), MOST_PICTURES);
         let cameras: Vec<Camera> = chosen.map(|i| cameras[i].within(SIDE)).collect();
@@ -191,8 +195,8 @@ fn border(soup: &Soup, cameras: &[Camera]) -> Vec<([f32; 3], f32)> {
     pixels
 }
 
-/// The colour that nearly all border pixels show when it is behind them, if there is one; `Some(None)` for any
-/// colour, because no triangle at the border has that of a background.
+/// The colour that nearly all border pixels show when it is behind them, if there is one;
+/// `Some(None)` for any colour, because no triangle at the border has that of a background.
 fn background(pixels: &[([f32; 3], f32)]) -> Option<Option<[f32; 3]>> {
     let covered = || pixels.iter().filter(|(_, cover)| *cover > LEAST_COVER);
     let middle = [0, 1, 2].map(|c| {
@@ -223,7 +227,8 @@ fn objects(soup: &Soup, cameras: &[Camera], rgb: [f32; 3]) -> Vec<bool> {
         |picture: &Vec<[f32; 3]>| picture.iter().map(|p| f32::from(differ(p, &rgb))).collect();
     let mut shows: Vec<Vec<f32>> = pictures.iter().map(shows).collect();
     let first = whole.shares(cameras, &shows);
-    // A part of the object in the colour of the background hides what is behind it: without it, pictures change.
+    // A part of the object in the colour of the background hides what is behind it: without it,
+    // pictures change.
     let kept: Vec<usize> = (0..soup.len()).filter(|i| first[*i] >= LEAST_OBJECT).collect();
     let mut without = Teacher::new(soup.picked(&kept), cameras, &options);
     for ((camera, picture), shows) in cameras.iter().zip(&pictures).zip(&mut shows) {
@@ -241,17 +246,20 @@ fn differ(a: &[f32; 3], b: &[f32; 3]) -> bool {
     a.iter().zip(b).any(|(a, b)| (a - b).abs() > TOLERANCE)
 }
 
-// ---- Soft pictures of a scene as a data set for training the solid scene -----------------------------
+// ---- Soft pictures of a scene as a data set for training the solid scene ------------------------
 
 /// One picture in this many is held out, to score the solid scene.
 const HELD_OUT: usize = 8;
 
-/// Draws `scene`, read from `path`, with `options` and makes a data set of the pictures, in the frame of its
-/// file. With many cameras, fewer pictures are drawn from between them. Above `max_bytes` of memory, pictures
-/// are kept in a temporary file. With a colour that is `behind` an object, pictures are transparent where they
-/// show it. Calls `drawn` after each picture with the numbers of finished and of all pictures.
+/// Draws `scene`, read from `path`, with `options` and makes a data set of the pictures, in the
+/// frame of its file. With many cameras, fewer pictures are drawn from between them. Above
+/// `max_bytes` of memory, pictures are kept in a temporary file. With a colour that is `behind` an
+/// object, pictures are transparent where they show it. Calls `drawn` after each picture with the
+/// numbers of finished and of all pictures.
 ///
-/// Errors: a scene without visible triangles; a full disk.
+/// # Errors
+///
+/// A scene without visible triangles; a full disk.
 pub fn dataset(
     path: &Path,
     scene: &ImportedScene,
@@ -276,9 +284,12 @@ pub fn dataset(
     Ok(dataset)
 }
 
-/// A data set of the `picture` of each of `cameras`, none held out, for a scene that was read from `path`. `max_bytes` and `drawn` as for [`dataset`].
+/// A data set of the `picture` of each of `cameras`, none held out, for a scene that was read from
+/// `path`. `max_bytes` and `drawn` as for [`dataset`].
 ///
-/// Errors: a full disk.
+/// # Errors
+///
+/// A full disk.
 pub fn drawn_for(
     path: &Path,
     cameras: &[Camera],
@@ -296,10 +307,12 @@ pub fn drawn_for(
     })
 }
 
-/// The photos of `photos` and soft pictures from between the training cameras, up to `share`, 0 to 1, of all
-/// training pictures. `options`, `max_bytes` and `drawn` as for [`dataset`].
+/// The photos of `photos` and soft pictures from between the training cameras, up to `share`, 0 to
+/// 1, of all training pictures. `options`, `max_bytes` and `drawn` as for [`dataset`].
 ///
-/// Errors: a full disk.
+/// # Errors
+///
+/// A full disk.
 pub fn beside(
     photos: &Dataset,
     scene: &ImportedScene,
@@ -318,7 +331,9 @@ pub fn beside(
 
 /// The same with any `picture`, of a camera in the world of `photos`.
 ///
-/// Errors: a full disk.
+/// # Errors
+///
+/// A full disk.
 pub fn drawn_beside(
     photos: &Dataset,
     share: f64,
@@ -334,7 +349,8 @@ pub fn drawn_beside(
     Ok(Dataset { views: [photos.views.clone(), pictures].concat(), ..photos.clone() })
 }
 
-/// A view of each of `cameras` with its `picture`, none held out. A picture with an alpha shows an object without background.
+/// A view of each of `cameras` with its `picture`, none held out. A picture with an alpha shows an
+/// object without background.
 fn draw(
     cameras: &[Camera],
     max_bytes: u64,

@@ -1,4 +1,5 @@
-//! Gaussians as a teacher: their pictures with gaps closed, and the first triangles of the solid scene.
+//! Gaussians as a teacher: their pictures with gaps closed, and the first triangles of the solid
+//! scene.
 
 use glam::UVec2;
 use trisplat_raster::gaussian::{self, GaussianOptions};
@@ -54,8 +55,8 @@ impl<'a> GaussianTeacher<'a> {
         Self { splats, options, weights, sums, seen, pictures: 0, pixels: [0.0; 2], is_surrounded }
     }
 
-    /// The picture of `camera`. Surroundings have their gaps closed. An object is over black, with the covered share of each pixel as alpha,
-    /// so that it can be put over any background.
+    /// The picture of `camera`. Surroundings have their gaps closed. An object is over black, with
+    /// the covered share of each pixel as alpha, so that it can be put over any background.
     pub fn picture(&mut self, camera: &Camera) -> RgbImage {
         self.weights.fill(0.0);
         let frame =
@@ -94,8 +95,9 @@ impl<'a> GaussianTeacher<'a> {
         self.pixels[0] / self.pixels[1].max(1.0)
     }
 
-    /// Triangles in place of the `most` Gaussians that contribute most to the pictures so far: opacity times visible area, over all
-    /// viewpoints. Gaussians that very few viewpoints see float in front of one of them, and are left out.
+    /// Triangles in place of the `most` Gaussians that contribute most to the pictures so far:
+    /// opacity times visible area, over all viewpoints. Gaussians that very few viewpoints see
+    /// float in front of one of them, and are left out.
     pub fn first_triangles(&self, most: usize) -> Soup {
         let least = (self.pictures / SEEN_BY_ONE_IN).max(LEAST_VIEWPOINTS.min(self.pictures));
         let mut chosen: Vec<usize> =
@@ -117,8 +119,8 @@ fn shows_surroundings(splats: &Splats, options: &GaussianOptions, cameras: &[Cam
     all > 0 && open < (1.0 - SURROUNDED) * all as f32
 }
 
-/// The picture of `frame`, drawn over black, with its gaps closed: what is seen through a pixel is the mean of what is around it (pull-push,
-/// Gortler et al. 1996).
+/// The picture of `frame`, drawn over black, with its gaps closed: what is seen through a pixel is
+/// the mean of what is around it (pull-push, Gortler et al. 1996).
 pub(super) fn filled(frame: &Frame) -> RgbImage {
     RgbImage::from_rgb(frame.size, &closed(frame.size, &frame.rgb, &frame.transmittance))
 }

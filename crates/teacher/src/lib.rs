@@ -1,7 +1,7 @@
 //! A soft scene teaches a solid one: pictures of it, drawn as it was trained, replace photos.
 //!
-//! They are drawn from the cameras that the scene stores and from between them. For a scene without cameras
-//! viewpoints are chosen: around an object, or within a room.
+//! They are drawn from the cameras that the scene stores and from between them. For a scene without
+//! cameras viewpoints are chosen: around an object, or within a room.
 //!
 //! In: a soft scene, or Gaussians. Out: viewpoints around and inside it, and pictures from there.
 

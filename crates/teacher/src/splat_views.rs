@@ -1,10 +1,13 @@
-//! Viewpoints for Gaussians that come without cameras: on all sides of an object, or in a photographed place.
+//! Viewpoints for Gaussians that come without cameras: on all sides of an object, or in a
+//! photographed place.
 //!
-//! A long object looked at from around the middle of its Gaussians is a few pixels wide: edges and strings then blur over their
-//! surroundings, and no triangle can be finer. So every picture of an object is cut to what is seen, and is as large as allowed.
+//! A long object looked at from around the middle of its Gaussians is a few pixels wide: edges and
+//! strings then blur over their surroundings, and no triangle can be finer. So every picture of an
+//! object is cut to what is seen, and is as large as allowed.
 //!
-//! Gaussians of a place are small and their depths agree where photos were taken from; seen from elsewhere they are large, blurred and
-//! full of gaps. So places are tried, the best of them are improved step by step, and the rest is left out.
+//! Gaussians of a place are small and their depths agree where photos were taken from; seen from
+//! elsewhere they are large, blurred and full of gaps. So places are tried, the best of them are
+//! improved step by step, and the rest is left out.
 
 use super::survey::{camera, direction};
 use glam::{UVec2, Vec2, Vec3};
@@ -13,7 +16,8 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::math::lists::{evenly_spaced, median};
 use trisplat_scene::{Rng, Splats, sh0_from_rgb};
 
-/// Distances of the cameras from the middle, in radii of the object, in turn: parts hide each other differently from near and far.
+/// Distances of the cameras from the middle, in radii of the object, in turn: parts hide each other
+/// differently from near and far.
 const AWAY: [f32; 2] = [1.8, 3.0];
 /// Share of the Gaussians on each side of an axis that may lie outside.
 const OUTSIDE: f32 = 0.005;
@@ -30,7 +34,8 @@ const MARGIN: f32 = 0.03;
 /// Least visible share of a picture.
 const LEAST_SHOWN: f32 = 1e-4;
 
-/// `count` cameras spread over all sides of `splats`, with pictures of `longer_px` that show all of it; fewer where nothing is seen.
+/// `count` cameras spread over all sides of `splats`, with pictures of `longer_px` that show all of
+/// it; fewer where nothing is seen.
 pub(super) fn around(splats: &Splats, up: Vec3, count: usize, longer_px: u32) -> Vec<Camera> {
     let Some((middle, radius)) = extent(splats) else { return Vec::new() };
     let options = GaussianOptions::suited_to(splats, [0.0; 3]);
@@ -45,7 +50,8 @@ pub(super) fn around(splats: &Splats, up: Vec3, count: usize, longer_px: u32) ->
     (0..count).filter_map(place).collect()
 }
 
-/// The middle of nearly all visible Gaussians, and the radius of a ball around it that holds them; `None` without any.
+/// The middle of nearly all visible Gaussians, and the radius of a ball around it that holds them;
+/// `None` without any.
 fn extent(splats: &Splats) -> Option<(Vec3, f32)> {
     let visible = || (0..splats.len()).filter(|i| splats.opacity[*i] >= LEAST_OPACITY);
     let places: Vec<Vec3> = visible().map(|i| splats.positions[i]).collect();
@@ -66,7 +72,8 @@ fn extent(splats: &Splats) -> Option<(Vec3, f32)> {
     (radius > 0.0 && radius.is_finite()).then_some((middle, radius))
 }
 
-/// The part of the picture of `wide`, open to `transmittance`, that shows something, `longer_px` long; `None` where it shows nothing.
+/// The part of the picture of `wide`, open to `transmittance`, that shows something, `longer_px`
+/// long; `None` where it shows nothing.
 fn filled(wide: &Camera, transmittance: &[f32], longer_px: u32) -> Option<Camera> {
     let side = wide.size.x as usize;
     let cover = |i: usize| 1.0 - transmittance[i];
@@ -112,21 +119,25 @@ const MOST: usize = 100_000;
 /// Places that are tried, and the best of them, which are improved.
 const TRIED: usize = 600;
 const IMPROVED: usize = 160;
-/// Rounds of improvement, and the farthest step of the first, as a share of the distance to what is looked at.
+/// Rounds of improvement, and the farthest step of the first, as a share of the distance to what is
+/// looked at.
 const ROUNDS: usize = 4;
 const FIRST_STEP: f32 = 0.4;
-/// Distances of the places from what they look at, in median distances of the Gaussians from their middle.
+/// Distances of the places from what they look at, in median distances of the Gaussians from their
+/// middle.
 const DISTANCES: [f32; 2] = [0.5, 4.0];
 /// What an open picture costs, in logarithms of blur.
 const OPEN: f32 = 15.0;
 /// Views that are this many times worse than the best tenth are left out.
 const WORST: f32 = 16.0;
-/// The size of a usual Gaussian in the pictures, px: a little more than in the photos it was trained on.
+/// The size of a usual Gaussian in the pictures, px: a little more than in the photos it was
+/// trained on.
 const USUAL_PX: f32 = 4.0;
 /// Limits of the width and height of the pictures, px.
 const LEAST_SIDE: f32 = 256.0;
 const MOST_SIDE: f32 = 1600.0;
-/// What is farther from the middle than this many times the radius of nearly everything is behind an object, not part of it.
+/// What is farther from the middle than this many times the radius of nearly everything is behind
+/// an object, not part of it.
 const BEHIND: f32 = 1.1;
 /// Least share of the corners of pictures from around that it covers in surroundings.
 const CORNERS: f32 = 0.3;
@@ -147,8 +158,9 @@ struct Place {
     size: f32,
 }
 
-/// Cameras at good places to look at `splats` from, at most [`IMPROVED`], the best first, with pictures as sharp as the Gaussians. `unit` is
-/// the median distance of the Gaussians from their middle.
+/// Cameras at good places to look at `splats` from, at most [`IMPROVED`], the best first, with
+/// pictures as sharp as the Gaussians. `unit` is the median distance of the Gaussians from their
+/// middle.
 pub(super) fn places(splats: &Splats, unit: f32, up: Vec3) -> Vec<Camera> {
     let mut judge = Judge::new(splats);
     let rng = Rng::new(0, "photographed places", 0);
@@ -209,7 +221,8 @@ impl Judge {
         Place { camera, eye, target, cost, size }
     }
 
-    /// The mean size of the Gaussians, and the cost: the logarithm of size times mean spread of depths, and what gaps cost.
+    /// The mean size of the Gaussians, and the cost: the logarithm of size times mean spread of
+    /// depths, and what gaps cost.
     fn measure(&mut self, camera: &Camera) -> (f32, f32) {
         for i in 0..self.splats.len() {
             let depth = (camera.rotation * self.splats.positions[i] + camera.translation).z;
@@ -255,8 +268,8 @@ fn colourless(splats: &Splats, chosen: &[usize], grown: f32) -> Splats {
     }
 }
 
-/// Whether `splats` are surroundings: what lies behind the `reach` around their `middle` fills the corners of the pictures that `cameras` take,
-/// which look at all within it.
+/// Whether `splats` are surroundings: what lies behind the `reach` around their `middle` fills the
+/// corners of the pictures that `cameras` take, which look at all within it.
 pub(super) fn surround(splats: &Splats, cameras: &[Camera], middle: Vec3, reach: f32) -> bool {
     let behind = |i: &usize| splats.positions[*i].distance(middle) > BEHIND * reach;
     let behind: Vec<usize> = (0..splats.len()).filter(behind).collect();

@@ -67,7 +67,8 @@ impl Survey {
         self.middles.iter().map(is_seen).collect()
     }
 
-    /// The view of `camera`, for any size of its picture; surfaces nearer than `clearance` are obstacles.
+    /// The view of `camera`, for any size of its picture; surfaces nearer than `clearance` are
+    /// obstacles.
     pub(super) fn look(&mut self, camera: &Camera, clearance: f32) -> ViewCoverage {
         let camera = camera.resized(UVec2::splat(SIDE));
         let options = SoftOptions {
@@ -106,8 +107,8 @@ pub(super) fn direction(i: usize, count: usize) -> Vec3 {
     Vec3::new(radius * cos, y, radius * sin)
 }
 
-/// Middles of triangles along a curve through space, so that every k-th one gives an even selection for any
-/// order of the file.
+/// Middles of triangles along a curve through space, so that every k-th one gives an even selection
+/// for any order of the file.
 #[derive(Debug)]
 pub(super) struct Along {
     /// The i-th triangle along the curve. `[N]`
@@ -130,8 +131,8 @@ impl Along {
         self.order.iter().step_by(step).map(|&i| self.middles[i as usize]).collect()
     }
 
-    /// About `most` triangles instead of all. Large ones stay; smaller ones are selected with a chance in
-    /// proportion to their area, and enlarged to replace the others.
+    /// About `most` triangles instead of all. Large ones stay; smaller ones are selected with a
+    /// chance in proportion to their area, and enlarged to replace the others.
     pub(super) fn thinned(&self, soup: &Soup, most: usize) -> Soup {
         if soup.len() <= most {
             return soup.clone();
@@ -164,7 +165,8 @@ fn area(a: Vec3, b: Vec3, c: Vec3) -> f64 {
     0.5 * (b - a).cross(c - a).length()
 }
 
-/// The area A with which the sum of min(1, area / A) is `most`; infinite when there is no area to share.
+/// The area A with which the sum of min(1, area / A) is `most`; infinite when there is no area to
+/// share.
 fn least_kept(areas: &[f64], most: usize) -> f64 {
     let mut falling: Vec<f64> = areas.to_vec();
     falling.sort_unstable_by(|a, b| b.total_cmp(a));

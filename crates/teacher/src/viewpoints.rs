@@ -1,9 +1,10 @@
-//! The viewpoints for drawing a scene: the cameras that it stores and others between them, or chosen ones around an object or within
-//! surroundings.
+//! The viewpoints for drawing a scene: the cameras that it stores and others between them, or
+//! chosen ones around an object or within surroundings.
 //!
-//! Of chosen ones both kinds are tried. Candidates that show too little, or with an obstacle in front, are discarded. Of the rest,
-//! the set that sees more of the scene's triangles wins. Triangles that no good candidate sees are ignored,
-//! because a scene is only valid where it was photographed.
+//! Of chosen ones both kinds are tried. Candidates that show too little, or with an obstacle in
+//! front, are discarded. Of the rest, the set that sees more of the scene's triangles wins.
+//! Triangles that no good candidate sees are ignored, because a scene is only valid where it was
+//! photographed.
 
 use super::splat_views;
 use super::survey::{Survey, ViewCoverage, camera, direction};
@@ -38,8 +39,8 @@ pub struct Viewpoints {
 }
 
 impl Viewpoints {
-    /// Those of `scene`: all stored cameras, with others between them up to `max_bytes` of 8-bit pictures, or
-    /// chosen ones. `None` without stored cameras and without visible triangles.
+    /// Those of `scene`: all stored cameras, with others between them up to `max_bytes` of 8-bit
+    /// pictures, or chosen ones. `None` without stored cameras and without visible triangles.
     pub fn of(scene: &ImportedScene, max_bytes: u64) -> Option<Self> {
         match scene.cameras.is_empty() {
             true => Search::new(scene, false)?.viewpoints(PICTURES),
@@ -47,8 +48,9 @@ impl Viewpoints {
         }
     }
 
-    /// Those of Gaussians, the most telling first: all `stored` cameras, or chosen ones; `stand_in` has triangles in the place of the Gaussians.
-    /// Around an object `count` cameras are chosen, which look at it from all sides, from below too, and have pictures of `longer_px` that it
+    /// Those of Gaussians, the most telling first: all `stored` cameras, or chosen ones; `stand_in`
+    /// has triangles in the place of the Gaussians. Around an object `count` cameras are chosen,
+    /// which look at it from all sides, from below too, and have pictures of `longer_px` that it
     /// fills. `None` where nothing is seen.
     pub fn of_splats(
         splats: &Splats,
@@ -80,10 +82,11 @@ const SIDE: u32 = 360;
 const AROUND_FOV: f32 = 45.0;
 /// Field of view of cameras within the scene, degrees.
 const INSIDE_FOV: f32 = 75.0;
-/// Elevations of the rings around an object, degrees: most of them from above, because objects stand on
-/// something.
+/// Elevations of the rings around an object, degrees: most of them from above, because objects
+/// stand on something.
 const RINGS: [f32; 5] = [-20.0, 5.0, 25.0, 45.0, 70.0];
-/// Distances of inner viewpoints from the middle, in units of the scene, and their number of directions.
+/// Distances of inner viewpoints from the middle, in units of the scene, and their number of
+/// directions.
 const INSIDE_RADII: [f32; 4] = [0.0, 0.6, 1.2, 2.0];
 const INSIDE_DIRECTIONS: usize = 12;
 /// Viewing directions of an inner viewpoint.
@@ -98,8 +101,8 @@ const MOST_NEAR: f32 = 1e-3;
 const LEAST_COVERED: f32 = 0.9;
 /// Least covered share of a picture from around.
 const LEAST_SHOWN: f32 = 0.02;
-/// Views from within must see this many times more triangles than those from around, because the surface of
-/// an object is visible from both of its sides.
+/// Views from within must see this many times more triangles than those from around, because the
+/// surface of an object is visible from both of its sides.
 const MORE_INSIDE: f32 = 1.2;
 /// Least number of views from within.
 const LEAST_INSIDE: usize = 8;
@@ -129,8 +132,9 @@ impl Search {
         Some(Self { survey: Survey::new(soup), unit, up: up.as_vec3(), any_side })
     }
 
-    /// The same for Gaussians in whose place the scene has triangles: at most `count`, with pictures of `longer_px`, unless they are surroundings,
-    /// whose pictures are as large as the Gaussians are sharp.
+    /// The same for Gaussians in whose place the scene has triangles: at most `count`, with
+    /// pictures of `longer_px`, unless they are surroundings, whose pictures are as large as the
+    /// Gaussians are sharp.
     fn of_splats(mut self, splats: &Splats, count: usize, longer_px: u32) -> Option<Viewpoints> {
         let Unit { middle, length, reach } = self.unit;
         let up = self.up;
@@ -138,7 +142,8 @@ impl Search {
         let around = from.iter().map(|c| self.unit.to_scene(c)).collect::<Vec<_>>();
         if !splat_views::surround(splats, &around, middle, reach * length) {
             let found = self.viewpoints(count);
-            // Thin rods cover too little of a picture for the search, but are seen from around; points are not.
+            // Thin rods cover too little of a picture for the search, but are seen from around;
+            // points are not.
             if found.is_none()
                 && !splats.scales.iter().any(|scale| scale.max_element() > f32::EPSILON * length)
             {
@@ -164,7 +169,8 @@ impl Search {
         Viewpoints::chosen(ViewpointKind::Inside, cameras)
     }
 
-    /// Where to look from, at most `count` places; `None` when the scene shows nothing from anywhere.
+    /// Where to look from, at most `count` places; `None` when the scene shows nothing from
+    /// anywhere.
     fn viewpoints(self, count: usize) -> Option<Viewpoints> {
         let Self { mut survey, unit, up, any_side } = self;
         let around = good_views(&mut survey, around(unit.reach, up, any_side), |sight| {
@@ -310,7 +316,8 @@ fn union(views: &[GoodView]) -> f32 {
     (0..first.seen.len()).filter(by_any).count() as f32
 }
 
-/// At most `most` of `views`; each next one sees most of the triangles that the others have seen least.
+/// At most `most` of `views`; each next one sees most of the triangles that the others have seen
+/// least.
 fn most_telling(mut views: Vec<GoodView>, most: usize) -> Vec<Camera> {
     let mut times = vec![0u32; views.first().map_or(0, |view| view.seen.len())];
     let mut chosen = Vec::new();
@@ -328,8 +335,8 @@ fn most_telling(mut views: Vec<GoodView>, most: usize) -> Vec<Camera> {
     chosen
 }
 
-/// Cameras are only averaged with one of their nearest neighbours, because a wall may be between distant
-/// ones.
+/// Cameras are only averaged with one of their nearest neighbours, because a wall may be between
+/// distant ones.
 const NEIGHBOURS: usize = 2;
 /// Views with a larger angle do not show the same surface; cosine of the angle.
 const MIN_COSINE: f32 = 0.5;
@@ -352,7 +359,8 @@ pub(super) fn picture_bytes(camera: &Camera) -> u64 {
     3 * u64::from(camera.size.x) * u64::from(camera.size.y)
 }
 
-/// Cameras half way from each of `cameras` to its nearest neighbours; those to the very nearest come first.
+/// Cameras half way from each of `cameras` to its nearest neighbours; those to the very nearest
+/// come first.
 pub fn between(cameras: &[Camera]) -> Vec<Camera> {
     // A pair of mutual neighbours has one middle.
     let mut seen = HashSet::new();
@@ -486,7 +494,8 @@ mod stored_tests {
         assert_eq!(all[..5], cameras[..]);
         let mut between: Vec<f32> = all[5..].iter().map(|camera| camera.position().x).collect();
         between.sort_by(f32::total_cmp);
-        // Nearest neighbours one step apart, and at the ends two; none beside the one that looks back.
+        // Nearest neighbours one step apart, and at the ends two; none beside the one that looks
+        // back.
         assert_eq!(between, [0.5, 1.0, 1.5, 2.0, 2.5]);
         assert!(
             all[5..].iter().all(|camera| camera.validate(&trisplat_scene::Limits::DEFAULT).is_ok())

@@ -1,8 +1,9 @@
 //! Where the scene is stored and optimised while it trains.
 //!
-//! There are two backends, [`CpuBackend`](super::cpu::CpuBackend) and, with the feature `gpu`, one on a
-//! graphics card (`train::gpu::GpuBackend`); `tests/train_gpu` compares them. A backend runs only the inner
-//! loop. Densification exists once: it takes the state out, changes it and puts it back.
+//! There are two backends, [`CpuBackend`](super::cpu::CpuBackend) and, with the feature `gpu`, one
+//! on a graphics card (`train::gpu::GpuBackend`); `tests/train_gpu` compares them. A backend runs
+//! only the inner loop. Densification exists once: it takes the state out, changes it and puts it
+//! back.
 
 use super::params::{Params, TrainState};
 use super::schedule::StepParams;
@@ -57,8 +58,8 @@ pub struct BackendVisibility {
     pub first: Importance,
     /// In photos drawn again.
     pub again: Importance,
-    /// Squared error of the pixels, shared out by weight, in units of 2^-20 px: integers, so that the sum
-    /// does not depend on its order. `[N]`
+    /// Squared error of the pixels, shared out by weight, in units of 2^-20 px: integers, so that
+    /// the sum does not depend on its order. `[N]`
     pub error: Vec<u64>,
 }
 
@@ -80,11 +81,12 @@ pub(crate) struct RunSize {
 pub trait TrainBackend: std::fmt::Debug {
     /// Moves a state in.
     fn load(&mut self, state: TrainState) -> Result<()>;
-    /// Draws, compares, differentiates and updates the parameters once. A backend may run some steps behind;
-    /// it catches up before it returns other data. An error may come from an earlier step.
+    /// Draws, compares, differentiates and updates the parameters once. A backend may run some
+    /// steps behind; it catches up before it returns other data. An error may come from an earlier
+    /// step.
     fn step(&mut self, photo: &StepPhoto<'_>, rates: &StepParams) -> Result<()>;
-    /// Figures of finished steps, each once, in the order of the steps; with `all`, it waits for unfinished
-    /// ones.
+    /// Figures of finished steps, each once, in the order of the steps; with `all`, it waits for
+    /// unfinished ones.
     fn figures(&mut self, all: bool) -> Result<Vec<StepStats>>;
     /// Returns and resets the visibility since the last call.
     fn take_visibility(&mut self) -> Result<BackendVisibility>;
@@ -96,7 +98,8 @@ pub trait TrainBackend: std::fmt::Debug {
     fn can_be_lost(&self) -> bool {
         false
     }
-    /// The last loaded state, for when [`TrainBackend::store`] or the loading failed. It can be taken once.
+    /// The last loaded state, for when [`TrainBackend::store`] or the loading failed. It can be
+    /// taken once.
     fn rescued(&mut self) -> Option<TrainState> {
         None
     }
@@ -104,8 +107,8 @@ pub trait TrainBackend: std::fmt::Debug {
     fn draws(&self) -> bool {
         false
     }
-    /// The view of `camera`, in training space, drawn with `drawing` at a step of `rates`: colour and
-    /// transmittance.
+    /// The view of `camera`, in training space, drawn with `drawing` at a step of `rates`: colour
+    /// and transmittance.
     fn picture(
         &mut self,
         _camera: &Camera,

@@ -1,11 +1,13 @@
-//! Budgets of time: some steps measure the machine, seconds choose steps, triangles and the size of photos, and a clock moves milestones.
+//! Budgets of time: some steps measure the machine, seconds choose steps, triangles and the size of
+//! photos, and a clock moves milestones.
 //!
 //! ```text
 //! speed ──► plan ──► run: at each milestone, seconds that are left ──► steps that are left
 //! ```
 //!
-//! Timings choose only these numbers: the same numbers without a budget give the same run, bitwise. The number of remaining steps
-//! changes only at a milestone (`timeline.rs`), so that options can describe the run.
+//! Timings choose only these numbers: the same numbers without a budget give the same run, bitwise.
+//! The number of remaining steps changes only at a milestone (`timeline.rs`), so that options can
+//! describe the run.
 
 use crate::options::{REFERENCE_STEPS, TrainOptions};
 use crate::pyramid::{MIN_PX, size_at};
@@ -20,8 +22,8 @@ use trisplat_scene::{Error, Result};
 
 pub use trisplat_scene::{Budget, BudgetClock, Seconds, Spending};
 
-/// Seconds of a step: a constant, per triangle and per pixel, soft and with engine shading. Only their proportions count, because
-/// [`speed`](crate::speed) measures the machine.
+/// Seconds of a step: a constant, per triangle and per pixel, soft and with engine shading. Only
+/// their proportions count, because [`speed`](crate::speed) measures the machine.
 const STEP_SECS: [[f64; 3]; 2] = [[0.75e-3, 0.36e-6, 0.046e-6], [0.0, 0.53e-6, 0.1e-6]];
 /// Seconds per pixel to decode a photo, and to draw and compare a held-out one, in the same unit.
 const DECODE_SECS: f64 = 10e-9;
@@ -132,7 +134,8 @@ pub struct Paced {
 /// What a budget is planned for.
 #[derive(Debug, Clone)]
 pub struct PlanInput<'a> {
-    /// The options of the run; its steps, its milestones and, unless given, its triangles are chosen.
+    /// The options of the run; its steps, its milestones and, unless given, its triangles are
+    /// chosen.
     pub options: &'a TrainOptions,
     /// The budget.
     pub budget: Budget,
@@ -271,10 +274,12 @@ impl<'a> PlanInput<'a> {
     }
 }
 
-/// Chooses steps, triangles and the size of photos. The rule: the most steps that fit, with fourteen
-/// triangles per step, and unchanged photos unless that leaves too few steps.
+/// Chooses steps, triangles and the size of photos. The rule: the most steps that fit, with
+/// fourteen triangles per step, and unchanged photos unless that leaves too few steps.
 ///
-/// Errors: a budget too small for any scene.
+/// # Errors
+///
+/// A budget too small for any scene.
 pub fn plan(input: &PlanInput<'_>) -> Result<Pace> {
     let mut size = None;
     loop {
@@ -311,7 +316,8 @@ fn ends(options: &TrainOptions) -> [u64; 5] {
     [a, b, c, d, options.steps]
 }
 
-/// Expected CPU seconds of the steps of each part between two milestones, with photos of `photo` and this number of triangles.
+/// Expected CPU seconds of the steps of each part between two milestones, with photos of `photo`
+/// and this number of triangles.
 pub fn part_secs(options: &TrainOptions, photo: UVec2, triangles: u64) -> [f64; 5] {
     // In a run of 30,000 steps, positions and steps are the same.
     let reference =
@@ -338,8 +344,8 @@ pub(super) fn step_secs(is_opaque: bool, triangles: f64, pixels: f64) -> f64 {
 }
 
 impl Pace {
-    /// After `step` steps and `spent_secs`: the options of the rest of the run, if this is a milestone.
-    /// Earlier steps keep theirs.
+    /// After `step` steps and `spent_secs`: the options of the rest of the run, if this is a
+    /// milestone. Earlier steps keep theirs.
     pub(crate) fn corrected(
         &mut self,
         step: u64,
@@ -414,7 +420,8 @@ impl Pace {
         self.most_steps.is_some_and(|most| self.plan.steps >= most)
     }
 
-    /// "budget 60s of CPU time: 1500 steps of at most 21000 triangles, photos as they are; ..." for the terminal.
+    /// "budget 60s of CPU time: 1500 steps of at most 21000 triangles, photos as they are; ..." for
+    /// the terminal.
     pub fn summary(&self) -> String {
         let Plan { steps, max_triangles, max_size, .. } = &self.plan;
         let photos = max_size.map_or_else(
@@ -466,8 +473,8 @@ mod tests {
         }
     }
 
-    /// Runs a plan on a machine that takes `soft` and `engine` times as long, with a scene of `triangles` of `most`; returns the seconds
-    /// spent and the final options.
+    /// Runs a plan on a machine that takes `soft` and `engine` times as long, with a scene of
+    /// `triangles` of `most`; returns the seconds spent and the final options.
     fn run(
         seconds: f64,
         [soft, engine]: [f64; 2],

@@ -1,7 +1,9 @@
-//! Checkpoints: everything a run needs to continue bitwise, in one safetensors file; the last ones of a run are kept.
+//! Checkpoints: everything a run needs to continue bitwise, in one safetensors file; the last ones
+//! of a run are kept.
 //!
 //! Tensors are the raw parameters, both Adam moments and the visibility statistics, little-endian.
-//! `__metadata__` has the format (`trisplat`), a JSON text with all other values (`run`), and the XXH3 hash of both (`xxh3`).
+//! `__metadata__` has the format (`trisplat`), a JSON text with all other values (`run`), and the
+//! XXH3 hash of both (`xxh3`).
 
 use super::budget::Pace;
 use super::eval::TrainSample;
@@ -86,7 +88,9 @@ impl CheckpointMeta {
 
 /// Writes `checkpoint` as a file that appears whole or not at all, even when the power fails.
 ///
-/// Errors: those of the operating system; numbers that are not finite, because no run can continue from
+/// # Errors
+///
+/// Those of the operating system; numbers that are not finite, because no run can continue from
 /// these.
 pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
     let unwritable =
@@ -167,7 +171,9 @@ fn raw<T: NoUninit>(values: &[T]) -> &[u8] {
 
 /// Reads a checkpoint and checks that no byte has changed.
 ///
-/// Errors: a file that is damaged, not a checkpoint, or of another version of trisplat.
+/// # Errors
+///
+/// A file that is damaged, not a checkpoint, or of another version of trisplat.
 pub fn read(path: &Path) -> Result<Checkpoint> {
     guarded(path, || {
         let bytes =
@@ -179,7 +185,8 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
 /// Check that every byte is as it was written, before memory is taken for any.
 ///
 /// # Errors
-/// A file that is no safetensors, such as a scene of any size; a checkpoint of another version; a changed byte.
+/// A file that is no safetensors, such as a scene of any size; a checkpoint of another version; a
+/// changed byte.
 fn check(path: &Path, file: &mut File, length: u64) -> Result<()> {
     let io = |e| Error::io(path, e);
     let mut start = Vec::new();
@@ -318,10 +325,12 @@ impl Arrays<'_> {
     }
 }
 
-/// Writes `checkpoint` to `path`. With `keep` above 1, it writes files with the number of steps in their
-/// names, and keeps the last `keep`. Returns the name of the file.
+/// Writes `checkpoint` to `path`. With `keep` above 1, it writes files with the number of steps in
+/// their names, and keeps the last `keep`. Returns the name of the file.
 ///
-/// Errors: what the operating system refuses.
+/// # Errors
+///
+/// What the operating system refuses.
 pub(crate) fn write_kept(path: &Path, checkpoint: &Checkpoint, keep: u32) -> Result<PathBuf> {
     if keep <= 1 {
         return write(path, checkpoint).map(|()| path.to_owned());
@@ -357,7 +366,9 @@ pub fn kept(path: &Path) -> Vec<(u64, PathBuf)> {
 
 /// The newest whole checkpoint of a folder, and the faults of newer ones.
 ///
-/// Errors: no checkpoint at all; none that is whole.
+/// # Errors
+///
+/// No checkpoint at all; none that is whole.
 pub fn newest(folder: &Path) -> Result<(PathBuf, Checkpoint, Vec<String>)> {
     let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
     let mut files: Vec<(std::time::SystemTime, PathBuf)> = entries

@@ -111,7 +111,8 @@ impl TrainBackend for CpuBackend {
     }
 }
 
-/// The losses on depth and normals (Held et al. 2025, eq. 3: β2 and β3), with their gradients in `d`.
+/// The losses on depth and normals (Held et al. 2025, eq. 3: β2 and β3), with their gradients in
+/// `d`.
 fn geometry_grad(
     frame: &Frame,
     camera: &Camera,
@@ -195,7 +196,8 @@ pub(super) struct FrameLoss {
 }
 
 impl FrameLoss {
-    /// Returns the mean losses over the photo's pixels, and writes ∂loss/∂frame; the frame is in linear light if `linear`. `[H * W]`
+    /// Returns the mean losses over the photo's pixels, and writes ∂loss/∂frame; the frame is in
+    /// linear light if `linear`. `[H * W]`
     pub(super) fn photometric_grad(
         &mut self,
         pixels: &RgbImage,

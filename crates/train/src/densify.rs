@@ -1,9 +1,10 @@
 //! Adding and removing triangles (Held et al. 2025, section 3.2), every few hundred steps.
 //!
-//! Useless triangles are pruned. Then weighted sampling, by opacity and by 1/σ alternately, picks triangles
-//! to grow: a large one is split into the four of its midpoint subdivision, a small one is cloned within its
-//! plane. The scene keeps its look: four children cover their parent's area with the same mean window
-//! 2/((σ+1)(σ+2)), and both triangles of a clone get 1 - sqrt(1 - o), whose blend is o again.
+//! Useless triangles are pruned. Then weighted sampling, by opacity and by 1/σ alternately, picks
+//! triangles to grow: a large one is split into the four of its midpoint subdivision, a small one
+//! is cloned within its plane. The scene keeps its look: four children cover their parent's area
+//! with the same mean window 2/((σ+1)(σ+2)), and both triangles of a clone get 1 - sqrt(1 - o),
+//! whose blend is o again.
 
 use super::known::{DepthRepair, KnownDepth};
 use super::options::{DensifyOptions, SampleWeight};
@@ -21,8 +22,9 @@ use trisplat_scene::parallel::{self, GRAIN};
 const MIN_VIEWS: u32 = 2;
 /// Triangles of a solid scene that fewer photos than this show need one that is near.
 const FIRM_VIEWS: u32 = 6;
-/// The nearest photo that shows such a triangle is at most this many times as far as the nearest camera: one that stands before a camera
-/// which does not show it, and that only far photos show, is there for some pixels of theirs and for no surface.
+/// The nearest photo that shows such a triangle is at most this many times as far as the nearest
+/// camera: one that stands before a camera which does not show it, and that only far photos show,
+/// is there for some pixels of theirs and for no surface.
 const FARTHEST_VIEW: f32 = 2.5;
 /// Largest shift of a clone, in halves of the triangle's box (1.5, supplement: max_noise_factor).
 const CLONE_SHIFT: f32 = 1.5;
@@ -50,8 +52,8 @@ pub(crate) struct DensifyPlan<'a> {
     pub prune_opacity: f64,
     /// Number of the densification: alternating sampling goes by opacity at odd ones.
     pub densification: u64,
-    /// Grow by cutting triangles in two where the picture is wrong, which does not change the look of a solid
-    /// scene.
+    /// Grow by cutting triangles in two where the picture is wrong, which does not change the look
+    /// of a solid scene.
     pub bisect: bool,
     /// How solid the scene is.
     pub anneal: Anneal,
@@ -88,8 +90,8 @@ pub struct Densified {
     pub triangles: usize,
 }
 
-/// Densifies `state` and `visibility` together; complete statistics are reset. The most important triangle
-/// always stays.
+/// Densifies `state` and `visibility` together; complete statistics are reset. The most important
+/// triangle always stays.
 pub(crate) fn densify(
     state: &mut TrainState,
     visibility: &mut VisibilityStats,
@@ -188,7 +190,8 @@ fn prune(
     alive
 }
 
-/// Removes triangles before known points and moves those near theirs; returns the points that photos see through, while triangles may be added.
+/// Removes triangles before known points and moves those near theirs; returns the points that
+/// photos see through, while triangles may be added.
 fn repair(
     state: &mut TrainState,
     visibility: &VisibilityStats,
@@ -220,7 +223,8 @@ fn is_unsupported(params: &Params, visibility: &VisibilityStats, i: usize, eyes:
     visibility.views[i] < FIRM_VIEWS && eyes.iter().any(near)
 }
 
-/// Samples triangles by weight, without replacement, until the growth is spent: a split adds three, a clone one.
+/// Samples triangles by weight, without replacement, until the growth is spent: a split adds three,
+/// a clone one.
 fn sample_growth(
     state: &TrainState,
     alive: &[bool],
@@ -237,8 +241,8 @@ fn sample_growth(
         usize::try_from(core.triangles).unwrap_or(usize::MAX).saturating_sub(held)
     });
     let mut grown = vec![false; alive.len()];
-    // Efraimidis and Spirakis 2006: the smallest of -ln(u) / weight is a sample in proportion to the weights.
-    // The purpose's name is part of the random numbers.
+    // Efraimidis and Spirakis 2006: the smallest of -ln(u) / weight is a sample in proportion to
+    // the weights. The purpose's name is part of the random numbers.
     let rng = Rng::new(plan.seed, "lottery", plan.step);
     let opacity = |i: usize| f64::from(plan.anneal.opacity(state.params.opacity[i]));
     let softness = |i: usize| f64::from(plan.anneal.sigma(state.params.sigma[i]));
@@ -487,8 +491,8 @@ mod tests {
             ..plan(&options)
         };
         let core = Some(Core { low: [None; 3], high: [None; 3], triangles: 100 });
-        // Nothing is removed if nothing may grow, if some photos were not drawn, if only a part of the scene
-        // is trained, or if it is soft.
+        // Nothing is removed if nothing may grow, if some photos were not drawn, if only a part of
+        // the scene is trained, or if it is soft.
         for (drawn, grow, core, moved) in [
             (true, true, None, 10),
             (true, false, None, 0),
@@ -581,7 +585,8 @@ mod tests {
         (500..5000).for_each(|photo| {
             w.record_photo(photo);
         });
-        // The 15 clones and their 15 originals are younger than the statistics; the other 35 were visible in no photo.
+        // The 15 clones and their 15 originals are younger than the statistics; the other 35 were
+        // visible in no photo.
         let done = densify(&mut s, &mut w, &DensifyPlan { grow: false, ..plan(&options) });
         assert_eq!((done.unimportant, s.params.len()), (35, 30));
     }

@@ -33,14 +33,16 @@ pub struct BackendOptions {
     pub adapter: trisplat_gpu::AdapterOptions,
 }
 
-/// A backend; its card, graphics API, driver and needed memory, `None` on the CPU; notes for the user: why the card is not used, or that it
-/// is a software renderer.
+/// A backend; its card, graphics API, driver and needed memory, `None` on the CPU; notes for the
+/// user: why the card is not used, or that it is a software renderer.
 type Opened = (Box<dyn TrainBackend>, Option<String>, Vec<String>);
 
 impl BackendOptions {
     /// The device of a run with a budget: the CPU, because its plan comes from steps timed there.
     ///
-    /// Errors: `gpu`.
+    /// # Errors
+    ///
+    /// `gpu`.
     pub fn of_budget(&self) -> Result<Self> {
         if self.backend == BackendKind::Gpu {
             let wants = "auto or cpu with a budget, because steps timed on the CPU plan it; or `steps` instead of the budget";
@@ -53,7 +55,9 @@ impl BackendOptions {
 
     /// For a crate that was built without `gpu`.
     ///
-    /// Errors: `gpu`, which this build lacks.
+    /// # Errors
+    ///
+    /// `gpu`, which this build lacks.
     pub fn check(&self) -> Result<()> {
         match self.backend {
             BackendKind::Auto | BackendKind::Cpu => Ok(()),
@@ -71,7 +75,9 @@ impl BackendOptions {
 impl BackendOptions {
     /// Opens the backend of a run that draws with `drawing`.
     ///
-    /// Errors: `gpu`, which this build lacks.
+    /// # Errors
+    ///
+    /// `gpu`, which this build lacks.
     pub(super) fn open(&self, drawing: SoftOptions, _size: RunSize) -> Result<Opened> {
         self.check()?;
         Ok((Box::new(CpuBackend::new(drawing)), None, Vec::new()))
@@ -82,7 +88,9 @@ impl BackendOptions {
 impl BackendOptions {
     /// Opens the backend of a run that draws with `drawing`.
     ///
-    /// Errors: `gpu` where there is no card as asked for, or where it cannot be opened.
+    /// # Errors
+    ///
+    /// `gpu` where there is no card as asked for, or where it cannot be opened.
     pub(super) fn open(&self, drawing: SoftOptions, size: RunSize) -> Result<Opened> {
         let (made, warnings) = self.with_card(|gpu| self::gpu(gpu, drawing, size))?;
         Ok(match made {
@@ -91,10 +99,13 @@ impl BackendOptions {
         })
     }
 
-    /// The backend that `make` builds on the card, if one is used, and a note for the user: why none is, or
-    /// that it is a software renderer.
+    /// The backend that `make` builds on the card, if one is used, and a note for the user: why
+    /// none is, or that it is a software renderer.
     ///
-    /// Errors: `gpu` where there is no card as asked for, where it cannot be opened, or where nothing can be made of it.
+    /// # Errors
+    ///
+    /// `gpu` where there is no card as asked for, where it cannot be opened, or where nothing can
+    /// be made of it.
     pub fn with_card<T>(
         &self,
         make: impl FnOnce(Gpu) -> Result<T>,

@@ -25,7 +25,8 @@ pub struct Quality {
 }
 
 impl Quality {
-    /// Compares `picture` with `photo`, of the same size; the photo's alpha is the weight of each pixel.
+    /// Compares `picture` with `photo`, of the same size; the photo's alpha is the weight of each
+    /// pixel.
     pub fn of(picture: &RgbImage, photo: &RgbImage) -> Self {
         let weights = photo.alpha.as_deref();
         Self {
@@ -34,8 +35,9 @@ impl Quality {
         }
     }
 
-    /// The mean score over black and over white, so that neither colour passes for background. `draw` draws
-    /// over a background, sRGB-encoded; the photo holds an object's opacity and its colours over black.
+    /// The mean score over black and over white, so that neither colour passes for background.
+    /// `draw` draws over a background, sRGB-encoded; the photo holds an object's opacity and its
+    /// colours over black.
     pub fn over_two(
         photo: &RgbImage,
         mut draw: impl FnMut([f32; 3]) -> Result<RgbImage>,
@@ -65,8 +67,8 @@ pub struct PhotoScore {
     pub psnr: f64,
     /// SSIM of the 8-bit picture, 3DGS's convention.
     pub ssim: f64,
-    /// PSNR after one affine map of the picture's colours, dB; absent of an object before nothing. A scene of corrected photos cannot know
-    /// the exposure of this one.
+    /// PSNR after one affine map of the picture's colours, dB; absent of an object before nothing.
+    /// A scene of corrected photos cannot know the exposure of this one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_corrected: Option<f64>,
 }
@@ -76,15 +78,16 @@ impl PhotoScore {
         Self { name: name.to_owned(), psnr: quality.psnr, ssim: quality.ssim, psnr_corrected }
     }
 
-    /// The mean PSNR after a map of colours for each photo, dB; `None` of none, or where one has no such figure.
+    /// The mean PSNR after a map of colours for each photo, dB; `None` of none, or where one has no
+    /// such figure.
     pub fn mean_corrected(scores: &[Self]) -> Option<f64> {
         let sum = scores.iter().map(|score| score.psnr_corrected).sum::<Option<f64>>()?;
         (!scores.is_empty()).then(|| sum / scores.len() as f64)
     }
 }
 
-/// Draws held-out photos one by one and compares. Photos are decoded once; those that do not fit the memory for them are in a
-/// temporary file.
+/// Draws held-out photos one by one and compares. Photos are decoded once; those that do not fit
+/// the memory for them are in a temporary file.
 #[derive(Debug)]
 pub(crate) struct Evaluator {
     pub(crate) views: Vec<EvalView>,
@@ -103,8 +106,8 @@ pub(crate) struct EvalView {
 }
 
 impl Evaluator {
-    /// Decodes the photos of `views`, so that broken ones are found now; `photo_bytes` is the memory for
-    /// them.
+    /// Decodes the photos of `views`, so that broken ones are found now; `photo_bytes` is the
+    /// memory for them.
     pub(crate) fn new(views: &[&View], photo_bytes: u64) -> Result<Self> {
         let mut photos = Photos::new(views.iter().map(|v| v.photo.clone()).collect(), photo_bytes);
         photos.prefetch(0..photos.len());
@@ -134,7 +137,8 @@ impl Evaluator {
         Some(scene.draw(&camera, options, &mut self.soft, &mut self.solid))
     }
 
-    /// Draws a soup of the world for the first `most` photos and compares. Fails when a photo cannot be decoded.
+    /// Draws a soup of the world for the first `most` photos and compares. Fails when a photo
+    /// cannot be decoded.
     pub(crate) fn scores(
         &mut self,
         most: usize,
@@ -154,8 +158,9 @@ impl Evaluator {
         scores
     }
 
-    /// Compares the first `most` photos with the picture of `draw` for its camera, in the world, drawn with `options`;
-    /// objects get other backgrounds. Fails when it does, or when a photo cannot be decoded.
+    /// Compares the first `most` photos with the picture of `draw` for its camera, in the world,
+    /// drawn with `options`; objects get other backgrounds. Fails when it does, or when a photo
+    /// cannot be decoded.
     pub(crate) fn scores_of(
         &mut self,
         most: usize,
@@ -194,7 +199,8 @@ pub enum EvalScene {
 }
 
 impl EvalScene {
-    /// The scene of `soup` in the training space of `space`: solid if `options` draw with samples, else soft.
+    /// The scene of `soup` in the training space of `space`: solid if `options` draw with samples,
+    /// else soft.
     pub fn new(soup: &Soup, space: &SceneNormalization, options: &SoftOptions) -> Self {
         let mut soup = soup.clone();
         space.soup_to_training(&mut soup);

@@ -22,8 +22,8 @@ pub struct ExposureEstimates {
     pub verdict: Option<Verdict>,
 }
 
-/// Estimates how the light of the training photos differs, at the points that they track; `None` where too few photos track any, and of
-/// objects before nothing. `photo` reads one.
+/// Estimates how the light of the training photos differs, at the points that they track; `None`
+/// where too few photos track any, and of objects before nothing. `photo` reads one.
 ///
 /// # Errors
 ///
@@ -48,7 +48,8 @@ pub fn solve_exposures(
 }
 
 impl ExposureEstimates {
-    /// The corrections that `options` ask for. Photos are taken as they are where nothing has decided.
+    /// The corrections that `options` ask for. Photos are taken as they are where nothing has
+    /// decided.
     ///
     /// # Errors
     ///

@@ -1,6 +1,7 @@
 //! Points of a data set without any: places on which three photos agree, searched over all depths.
 //!
-//! They take the place of the sparse cloud in all that it is used for: first triangles, shell, extents, known depth.
+//! They take the place of the sparse cloud in all that it is used for: first triangles, shell,
+//! extents, known depth.
 
 use super::grow::{Grey, GrownPoint, Growth, Plane, Seed, by_photo, others, ray, spread};
 use super::known::greys;
@@ -28,9 +29,12 @@ const SEARCHED_CELLS: u64 = 60_000;
 /// Fewer points per photo say nothing about the scene.
 const LEAST_PER_PHOTO: usize = 10;
 
-/// Fills in the points and tracks of a data set of photos without points; a warning says where too few are found. `photo_bytes` is the memory for photos.
+/// Fills in the points and tracks of a data set of photos without points; a warning says where too
+/// few are found. `photo_bytes` is the memory for photos.
 ///
-/// Errors: photos that cannot be decoded.
+/// # Errors
+///
+/// Photos that cannot be decoded.
 pub fn find_points(dataset: &mut Dataset, photo_bytes: u64) -> Result<()> {
     if !dataset.points.is_empty() || dataset.kind == DatasetKind::Drawn {
         return Ok(());
@@ -81,7 +85,8 @@ impl Growth<'_> {
     }
 }
 
-/// The points on which three photos agree, where nothing is known but the distance at which they look.
+/// The points on which three photos agree, where nothing is known but the distance at which they
+/// look.
 fn search(photos: &[Grey], usual: f32) -> Vec<GrownPoint> {
     let of_photo = by_photo(photos.len(), &looked_at(photos, usual));
     let begin = |growth: &mut Growth<'_>, _: usize| growth.search(usual);

@@ -1,7 +1,9 @@
-//! More points whose place is known: tracked points spread over the surfaces around them, where photos agree.
+//! More points whose place is known: tracked points spread over the surfaces around them, where
+//! photos agree.
 //!
-//! In each photo planes go from cell to neighbouring cell, the best match first (Goesele et al. 2007, Furukawa and Ponce 2010). Depth
-//! and tilt of each follow the normalised correlation with other photos. A point stays where three photos found it.
+//! In each photo planes go from cell to neighbouring cell, the best match first (Goesele et al.
+//! 2007, Furukawa and Ponce 2010). Depth and tilt of each follow the normalised correlation with
+//! other photos. A point stays where three photos found it.
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
@@ -229,7 +231,8 @@ pub(super) struct Growth<'a> {
     pub(super) cells: Cells,
     offsets: [Vec2; SAMPLES],
     pub(super) planes: Vec<Option<Plane>>,
-    /// Cells to grow from by the bits of their score, which is above 0: the best first, then the lowest.
+    /// Cells to grow from by the bits of their score, which is above 0: the best first, then the
+    /// lowest.
     queue: BinaryHeap<(u32, Reverse<u32>)>,
 }
 
@@ -306,7 +309,8 @@ impl<'a> Growth<'a> {
     /// The greys around a place; `None` at the border and without texture.
     pub(super) fn patch(&self, at: Vec2) -> Option<Patch> {
         let mut greys = self.own.sample(&self.offsets.map(|offset| at + offset))?;
-        // Of the middle's own surface: beside an outline the rest is of another, at another depth (Yoon and Kweon 2006).
+        // Of the middle's own surface: beside an outline the rest is of another, at another depth
+        // (Yoon and Kweon 2006).
         let middle = greys[SAMPLES / 2];
         let mut weights = greys.map(|grey| (-0.5 * ((grey - middle) / SAME_GREY).powi(2)).exp());
         let total: f32 = weights.iter().sum();
@@ -360,7 +364,8 @@ impl<'a> Growth<'a> {
         0.5 * (best[0] + best[1])
     }
 
-    /// Normalised correlation of a patch with its image under the homography `across`; -1 outside the other photo.
+    /// Normalised correlation of a patch with its image under the homography `across`; -1 outside
+    /// the other photo.
     fn correlation(&self, other: &Grey, across: &Mat3, from: Vec3, patch: &Patch) -> f32 {
         let own = &self.own.camera;
         let camera = &other.camera;
@@ -401,7 +406,8 @@ pub(super) fn by_photo(count: usize, seeds: &[Seed]) -> Vec<Vec<Seed>> {
     of_photo
 }
 
-/// The planes that go from where each photo's growth begins over at most this many cells, where three photos agree.
+/// The planes that go from where each photo's growth begins over at most this many cells, where
+/// three photos agree.
 pub(super) fn spread(
     photos: &[Grey],
     others: &[Vec<usize>],

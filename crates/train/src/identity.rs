@@ -1,4 +1,5 @@
-//! The inputs of a run: a checkpoint continues with the same photos, cameras and points, or names those that differ.
+//! The inputs of a run: a checkpoint continues with the same photos, cameras and points, or names
+//! those that differ.
 
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::{Dataset, View};
@@ -6,8 +7,8 @@ use trisplat_scene::ImportedScene;
 use trisplat_scene::camera::Camera;
 use xxhash_rust::xxh3::Xxh3Default;
 
-/// All inputs, apart from training options, that change the result of a run. Contents are kept as XXH3
-/// hashes.
+/// All inputs, apart from training options, that change the result of a run. Contents are kept as
+/// XXH3 hashes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunIdentity {
@@ -36,7 +37,8 @@ pub struct PhotoIdentity {
 }
 
 impl RunIdentity {
-    /// Of a run on `dataset` over `background` that starts from its points or from a scene. No photo is decoded.
+    /// Of a run on `dataset` over `background` that starts from its points or from a scene. No
+    /// photo is decoded.
     pub fn of(dataset: &Dataset, background: [f32; 3], from: Option<&ImportedScene>) -> Self {
         let photo = |view: &View| PhotoIdentity {
             name: view.name.clone(),

@@ -1,8 +1,10 @@
-//! Surfaces whose place is known without training: points that photos track, and those grown from them.
+//! Surfaces whose place is known without training: points that photos track, and those grown from
+//! them.
 //!
-//! Each gives rays of known length from the photos that show it. In a solid scene, a triangle that stands before such points in most
-//! of its photos goes. A point that most photos see through gets a triangle, where the photos agree on its colour: what shines
-//! looks better from what seems to lie behind it. A triangle that lies a little off its points moves towards them.
+//! Each gives rays of known length from the photos that show it. In a solid scene, a triangle that
+//! stands before such points in most of its photos goes. A point that most photos see through gets
+//! a triangle, where the photos agree on its colour: what shines looks better from what seems to
+//! lie behind it. A triangle that lies a little off its points moves towards them.
 
 use super::grow::{Grey, KnownPoint, Seed, grow};
 use super::params::{Params, TrainState};
@@ -39,7 +41,8 @@ const MOST_RAYS: usize = 4;
 const NEIGHBOURS: usize = 8;
 /// Those that give its gap.
 const GAP_NEIGHBOURS: usize = 3;
-/// Radius of a new triangle in gaps: turned at random, triangles leave a twentieth of the surface open.
+/// Radius of a new triangle in gaps: turned at random, triangles leave a twentieth of the surface
+/// open.
 const RADIUS: f32 = 1.6;
 /// Largest radius, px of the nearest photo.
 const MOST_RADIUS_PX: f32 = 6.5;
@@ -68,15 +71,18 @@ pub(crate) struct DepthRepair {
     pub(crate) blocks: Vec<bool>,
     /// Points that most of their photos see through.
     pub(crate) holes: Vec<u32>,
-    /// How far triangles that are a little off their points are to move; empty unless they may. `[N]`
+    /// How far triangles that are a little off their points are to move; empty unless they may.
+    /// `[N]`
     pub(crate) moves: Vec<Vec3>,
 }
 
 impl KnownDepth {
-    /// The points of `dataset` that its training photos track, with those grown from them for a scene of up to `triangles`;
-    /// empty without tracks.
+    /// The points of `dataset` that its training photos track, with those grown from them for a
+    /// scene of up to `triangles`; empty without tracks.
     ///
-    /// Errors: photos that cannot be decoded.
+    /// # Errors
+    ///
+    /// Photos that cannot be decoded.
     pub(crate) fn of(
         dataset: &Dataset,
         space: &SceneNormalization,
@@ -141,7 +147,8 @@ impl KnownDepth {
         seeds
     }
 
-    /// Gives each point the plane of its neighbours, and a radius: triangles that face a camera would stick out of a table.
+    /// Gives each point the plane of its neighbours, and a radius: triangles that face a camera
+    /// would stick out of a table.
     fn lay_in_surfaces(&mut self, cameras: &[Camera]) {
         let mut pixels = vec![f32::INFINITY; self.points.len()];
         for &(photo, point) in &self.rays {
@@ -175,7 +182,8 @@ impl KnownDepth {
         }
     }
 
-    /// The deviation of each point's colour over its photos, after one gain per photo and channel for its exposure.
+    /// The deviation of each point's colour over its photos, after one gain per photo and channel
+    /// for its exposure.
     fn color_spread(&self, greys: &[Grey]) -> Vec<f32> {
         let color = |&(photo, point): &(u32, u32)| {
             let color = greys[photo as usize].color(self.points[point as usize].position)?;
@@ -222,7 +230,8 @@ impl KnownDepth {
         sums.iter().map(|(sum, count)| *sum / count.max(1.0)).collect()
     }
 
-    /// Keeps some rays of each point, evenly over its photos: all of them would be a sixth of the training.
+    /// Keeps some rays of each point, evenly over its photos: all of them would be a sixth of the
+    /// training.
     fn thin_rays(&mut self) {
         let mut counts = vec![(0, 0); self.points.len()];
         self.rays.iter().for_each(|&(_, point)| counts[point as usize].1 += 1);
@@ -233,8 +242,8 @@ impl KnownDepth {
         });
     }
 
-    /// What to change in a solid scene, of the triangles that are `alive`; `eyes` are the places of the photos. Pinned ones neither block nor
-    /// move, and others move only if `pull`.
+    /// What to change in a solid scene, of the triangles that are `alive`; `eyes` are the places of
+    /// the photos. Pinned ones neither block nor move, and others move only if `pull`.
     pub(crate) fn repair(
         &self,
         state: &TrainState,
@@ -267,7 +276,8 @@ impl KnownDepth {
         })
     }
 
-    /// Which triangles stand before points in half of the photos that show them, and before more than they stand at.
+    /// Which triangles stand before points in half of the photos that show them, and before more
+    /// than they stand at.
     fn blockers(&self, seen: &[Seen], views: &[u32]) -> Vec<bool> {
         let mut found = vec![Blocked { last: u32::MAX, ..Blocked::default() }; views.len()];
         for ((photo, _), seen) in self.rays.iter().zip(seen) {
@@ -287,8 +297,8 @@ impl KnownDepth {
         found.iter().zip(views).map(blocks).collect()
     }
 
-    /// How far each triangle is to move along its normal, by the mean over its rays, for photos see it a little before or behind its points.
-    /// `[N]`
+    /// How far each triangle is to move along its normal, by the mean over its rays, for photos see
+    /// it a little before or behind its points. `[N]`
     fn moves(&self, seen: &[Seen], state: &TrainState, eyes: &[Vec3]) -> Vec<Vec3> {
         let mut sums = vec![(Vec3::ZERO, 0.0f32); state.params.len()];
         for (&(photo, point), seen) in self.rays.iter().zip(seen) {

@@ -5,14 +5,17 @@
 //!                        schedule: rates, sizes, SH      visibility: complete passes
 //! ```
 //!
-//! [`TrainRun`] is one run, with its checkpoints, previews and curve; the crate `trisplat-job` decides the options of a run.
+//! [`TrainRun`] is one run, with its checkpoints, previews and curve; the crate `trisplat-job`
+//! decides the options of a run.
 //!
 //! Sources, as the docs of this folder name them:
-//! * *the paper*: Held et al. 2025, *Triangle Splatting for Real-Time Radiance Field Rendering*; *supplement*: its
-//!   supplementary material.
+//! * *the paper*: Held et al. 2025, *Triangle Splatting for Real-Time Radiance Field Rendering*;
+//!   *supplement*: its supplementary material.
 //! * *TS*: the paper's code, `train.py`, `train_game_engine.py` and `arguments/__init__.py`.
-//! * *TS+*: Held et al. 2025, *Triangle Splatting+: Differentiable Rendering with Opaque Triangles*, and its code.
-//! * *3DGS*: Kerbl et al. 2023, *3D Gaussian Splatting for Real-Time Radiance Field Rendering*, and its code.
+//! * *TS+*: Held et al. 2025, *Triangle Splatting+: Differentiable Rendering with Opaque
+//!   Triangles*, and its code.
+//! * *3DGS*: Kerbl et al. 2023, *3D Gaussian Splatting for Real-Time Radiance Field Rendering*, and
+//!   its code.
 //!
 //! In: posed photos, or pictures of a scene. Out: a soup, checkpoints, curves.
 

@@ -1,10 +1,11 @@
-//! Every number of the training, declared once: the library's struct, the flags and the config file.
+//! Every number of the training, declared once: the library's struct, the flags and the config
+//! file.
 //!
-//! Positions in the run ("steps of a 30,000-step run") are scaled by `steps / 30,000`, so that a short
-//! preview and a long run follow one schedule. Lengths are in units of the scene: the median distance from
-//! the cameras to visible points. Numbers in brackets are those of the paper, its supplement and its code
-//! (TS), or of Triangle Splatting+ (TS+): see [`train`](mod@crate). Where the default is another,
-//! `docs/benchmarks/history.md` has the runs that chose it.
+//! Positions in the run ("steps of a 30,000-step run") are scaled by `steps / 30,000`, so that a
+//! short preview and a long run follow one schedule. Lengths are in units of the scene: the median
+//! distance from the cameras to visible points. Numbers in brackets are those of the paper, its
+//! supplement and its code (TS), or of Triangle Splatting+ (TS+): see [`train`](mod@crate). Where
+//! the default is another, `docs/benchmarks/history.md` has the runs that chose it.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -22,7 +23,8 @@ const DEPTH_RANGE: [f32; 2] = [0.05, 25.0];
 /// Depth at which triangles are clipped, scene units (TS 0.2, in COLMAP's arbitrary units).
 const NEAR: f32 = 0.01;
 
-/// Inradius from which a triangle has its full opacity, px; smaller ones fade (TS drops those below 1).
+/// Inradius from which a triangle has its full opacity, px; smaller ones fade (TS drops those below
+/// 1).
 const FADE_PX: f32 = 0.5;
 
 /// A complete set of options for a kind of scene.
@@ -33,11 +35,13 @@ pub enum TrainPreset {
     /// Opaque triangles of one colour each, as a game engine draws them.
     #[default]
     Solid,
-    /// Soft triangles, as in the paper, for research: open scenes with a far background; `outdoor` is its old name.
+    /// Soft triangles, as in the paper, for research: open scenes with a far background; `outdoor`
+    /// is its old name.
     #[serde(rename = "soft-outdoor", alias = "outdoor")]
     #[cfg_attr(feature = "cli", value(name = "soft-outdoor", alias = "outdoor"))]
     Outdoor,
-    /// Soft triangles, as in the paper, for research: rooms, with more SSIM and flatter surfaces; `indoor` is its old name.
+    /// Soft triangles, as in the paper, for research: rooms, with more SSIM and flatter surfaces;
+    /// `indoor` is its old name.
     #[serde(rename = "soft-indoor", alias = "indoor")]
     #[cfg_attr(feature = "cli", value(name = "soft-indoor", alias = "indoor"))]
     Indoor,
@@ -67,11 +71,12 @@ pub struct TrainOptions {
     /// Seed of every random choice; the same seed gives the same bits on any number of threads.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0))]
     pub seed: u64,
-    /// Whether to correct photos that differ in exposure and white balance, or are darker in their corners.
+    /// Whether to correct photos that differ in exposure and white balance, or are darker in their
+    /// corners.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub exposure: ExposureUse,
-    /// Steps after which 12,000, 20,000, 24,000 and 27,000 of a 30,000-step run are done; zeros: in proportion. Runs with a
-    /// budget choose them.
+    /// Steps after which 12,000, 20,000, 24,000 and 27,000 of a 30,000-step run are done; zeros: in
+    /// proportion. Runs with a budget choose them.
     #[cfg_attr(feature = "cli", arg(skip))]
     #[schemars(inner(range(max = 1_000_000_000)))]
     pub milestones: [u64; 4],
@@ -110,11 +115,12 @@ pub struct TrainDrawOptions {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct InitOptions {
-    /// k: corners lie on a sphere of k times the mean distance to the three nearest points (2.2, supplement).
+    /// k: corners lie on a sphere of k times the mean distance to the three nearest points (2.2,
+    /// supplement).
     #[schemars(extend("exclusiveMinimum" = 0.0), range(max = 1000.0))]
     pub size: f64,
-    /// Subdivisions of the shell that closes the scene where it has no points: 8 · 4^n triangles at most, 0 for none
-    /// (not in the paper). Small runs have fewer, photos with masks none.
+    /// Subdivisions of the shell that closes the scene where it has no points: 8 · 4^n triangles at
+    /// most, 0 for none (not in the paper). Small runs have fewer, photos with masks none.
     #[schemars(range(max = 6))]
     pub shell_subdivisions: u32,
 }
@@ -144,11 +150,13 @@ pub struct LossOptions {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RateOptions {
-    /// First rate of the corners, as a share of their triangle's size, the root of its area (the supplement has
-    /// 0.0018 outdoor, 0.0015 indoor, for triangles of all sizes, in COLMAP's arbitrary units).
+    /// First rate of the corners, as a share of their triangle's size, the root of its area (the
+    /// supplement has 0.0018 outdoor, 0.0015 indoor, for triangles of all sizes, in COLMAP's
+    /// arbitrary units).
     #[schemars(range(min = 0.0, max = 1e9))]
     pub corners: f64,
-    /// Skip triangles without a gradient in the step's photo, moments included (3DGS's sparse Adam).
+    /// Skip triangles without a gradient in the step's photo, moments included (3DGS's sparse
+    /// Adam).
     pub sparse: bool,
 }
 
@@ -178,23 +186,23 @@ pub struct DensifyOptions {
     pub growth: f64,
     /// The weight of a triangle's chance to grow.
     pub sample_by: SampleWeight,
-    /// Share of the triangles removed at each densification from `opacity_until` on, in a scene at its limit, to
-    /// make room: those of the least blending weight, summed over all photos (not in the paper; parts of a
-    /// scene keep theirs).
+    /// Share of the triangles removed at each densification from `opacity_until` on, in a scene at
+    /// its limit, to make room: those of the least blending weight, summed over all photos (not in
+    /// the paper; parts of a scene keep theirs).
     #[schemars(range(min = 0.0, max = 1.0))]
     pub relocate: f64,
-    /// τ_small: larger triangles are split into four, smaller ones cloned; distance of the farthest corner
-    /// from the centre, px of the full photo (24, supplement: split_size).
+    /// τ_small: larger triangles are split into four, smaller ones cloned; distance of the farthest
+    /// corner from the centre, px of the full photo (24, supplement: split_size).
     #[schemars(range(min = 0.0, max = 1e9))]
     pub split_px: f64,
-    /// τ_prune: triangles below this blending weight at every pixel are pruned (0.022 outdoor, 0.0256 indoor,
-    /// supplement).
+    /// τ_prune: triangles below this blending weight at every pixel are pruned (0.022 outdoor,
+    /// 0.0256 indoor, supplement).
     #[schemars(range(min = 0.0, max = 1.0))]
     pub prune_weight: f64,
 }
 
-/// How early steps save time on smaller photos (not in the paper). Without a warm-up, as in runs that start
-/// from a scene, the degree of view-dependent colour rises by one per step.
+/// How early steps save time on smaller photos (not in the paper). Without a warm-up, as in runs
+/// that start from a scene, the degree of view-dependent colour rises by one per step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct WarmupOptions {
@@ -206,16 +214,16 @@ pub struct WarmupOptions {
     pub half_until: f64,
 }
 
-/// How the scene becomes solid in the last part of the run (supplement: the final 5,000 of 30,000 steps);
-/// presets that stay soft ignore it.
+/// How the scene becomes solid in the last part of the run (supplement: the final 5,000 of 30,000
+/// steps); presets that stay soft ignore it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolidifyOptions {
     /// The opacity's anneal starts, steps of a 30,000-step run (TS+ 5000).
     #[schemars(range(min = 0.0, max = 1e9))]
     pub opacity_from: f64,
-    /// The anneal ends: from here on triangles are opaque, σ is small, and the scene has engine shading;
-    /// steps of a 30,000-step run (TS+ 24,000).
+    /// The anneal ends: from here on triangles are opaque, σ is small, and the scene has engine
+    /// shading; steps of a 30,000-step run (TS+ 24,000).
     #[schemars(range(min = 0.0, max = 1e9))]
     pub opacity_until: f64,
 }
@@ -291,9 +299,9 @@ impl TrainOptions {
         }
     }
 
-    /// The options of a preset for a run that starts from a trained scene instead of points: no small photos
-    /// first, all degrees of view-dependent colour from the first steps on, corners that move less, and the
-    /// anneal from the first step on.
+    /// The options of a preset for a run that starts from a trained scene instead of points: no
+    /// small photos first, all degrees of view-dependent colour from the first steps on, corners
+    /// that move less, and the anneal from the first step on.
     pub fn from_scene(preset: TrainPreset) -> Self {
         let base = Self::preset(preset);
         let rates = RateOptions { corners: 0.3 * base.rates.corners, ..base.rates };

@@ -1,4 +1,5 @@
-//! The outputs during a run: the curve, evaluations on the held-out photos, checkpoints and previews.
+//! The outputs during a run: the curve, evaluations on the held-out photos, checkpoints and
+//! previews.
 
 use super::budget::{Correction, Spending};
 use super::checkpoint;
@@ -54,8 +55,8 @@ impl<'a> Recorder<'a> {
         self.is_asked |= (self.observer)(event).is_break();
     }
 
-    /// The state after a step on a photo of `width_px`, averaged since the last sample: with `all` over all
-    /// steps, else over those with known figures.
+    /// The state after a step on a photo of `width_px`, averaged since the last sample: with `all`
+    /// over all steps, else over those with known figures.
     pub(super) fn sample(
         &mut self,
         training: &mut Training<'_>,
@@ -114,7 +115,8 @@ impl<'a> Recorder<'a> {
         Ok(now)
     }
 
-    /// Seconds on the clock of a budget for the evaluation at the end, by that of one photo, which counts too.
+    /// Seconds on the clock of a budget for the evaluation at the end, by that of one photo, which
+    /// counts too.
     pub(super) fn evaluation_secs(
         &mut self,
         training: &mut Training<'_>,
@@ -211,8 +213,8 @@ impl<'a> Recorder<'a> {
 pub enum TrainEvent<'a> {
     /// A step was made.
     Step {
-        /// Loss and PSNR are means over the steps since the last sample with known figures; on a graphics card the last two
-        /// steps are not known yet.
+        /// Loss and PSNR are means over the steps since the last sample with known figures; on a
+        /// graphics card the last two steps are not known yet.
         sample: &'a TrainSample,
         /// Set it to get [`TrainEvent::Scene`] after this step.
         wants_scene: &'a mut bool,

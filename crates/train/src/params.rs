@@ -38,7 +38,8 @@ pub struct Params {
 pub struct Anneal {
     /// The least opacity, in [0, 1].
     pub opacity_floor: f32,
-    /// Steepness of the sigmoid, at least 1: towards infinity triangles are either opaque or invisible.
+    /// Steepness of the sigmoid, at least 1: towards infinity triangles are either opaque or
+    /// invisible.
     pub opacity_gain: f32,
     /// Factor of σ, in [0, 1].
     pub sigma_scale: f32,
@@ -94,7 +95,8 @@ pub(crate) fn sigma_raw(sigma: f32) -> f32 {
     (sigma - SIGMA_MIN).max(1e-6).ln()
 }
 
-/// Opacity of a frozen triangle's raw values. Drawn `flat`, without a window, it has the window's mean as a factor.
+/// Opacity of a frozen triangle's raw values. Drawn `flat`, without a window, it has the window's
+/// mean as a factor.
 pub(crate) fn frozen_opacity(opacity: f32, sigma: f32, flat: bool) -> f32 {
     let opacity = Anneal::NONE.opacity(opacity);
     if flat { opacity * mean_window(Anneal::NONE.sigma(sigma)) } else { opacity }
@@ -133,7 +135,8 @@ impl Params {
         }
     }
 
-    /// Converts the soft triangles after the first `skipped` to the state of `anneal`, with the same look.
+    /// Converts the soft triangles after the first `skipped` to the state of `anneal`, with the
+    /// same look.
     pub(super) fn go_on_at(&mut self, anneal: &Anneal, skipped: usize) {
         for opacity in self.opacity.iter_mut().skip(skipped) {
             *opacity = anneal.opacity_raw(Anneal::NONE.opacity(*opacity)).unwrap_or(*opacity);
@@ -185,10 +188,11 @@ pub struct TrainState {
     pub first: Params,
     /// Second moments, shaped like the parameters.
     pub second: Params,
-    /// The first `pinned` triangles only change their colour, which is the same from all sides. They are
-    /// neither pruned nor grown.
+    /// The first `pinned` triangles only change their colour, which is the same from all sides.
+    /// They are neither pruned nor grown.
     pub pinned: usize,
-    /// The first `frozen` triangles are not trained: the rest of a scene when only a part is trained.
+    /// The first `frozen` triangles are not trained: the rest of a scene when only a part is
+    /// trained.
     pub frozen: usize,
 }
 

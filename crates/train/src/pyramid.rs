@@ -9,7 +9,8 @@ use trisplat_scene::{Result, Rng};
 /// Least shorter side of the smaller photos of early steps, px.
 pub(crate) const MIN_PX: u32 = 64;
 
-/// Photos by index and level. Small ones stay in memory, or in a temporary file, while their level is in use.
+/// Photos by index and level. Small ones stay in memory, or in a temporary file, while their level
+/// is in use.
 #[derive(Debug)]
 pub(crate) struct Pyramid {
     photos: Photos,
@@ -34,7 +35,8 @@ enum SmallPhoto {
 const SMALL_SHARE: u64 = 5;
 
 impl Pyramid {
-    /// The photos of `views`, decoded under a budget; none is shrunk below `min_px` on its shorter side.
+    /// The photos of `views`, decoded under a budget; none is shrunk below `min_px` on its shorter
+    /// side.
     pub(crate) fn new(views: &[&View], budget_bytes: u64, min_px: u32) -> Self {
         let small_budget = budget_bytes / SMALL_SHARE;
         let photos = views.iter().map(|v| v.photo.clone()).collect();
@@ -74,8 +76,8 @@ impl Pyramid {
         self.photos.digest(i)
     }
 
-    /// Decodes the photos of `known` and returns the first one with another hash. They are not decoded again
-    /// later.
+    /// Decodes the photos of `known` and returns the first one with another hash. They are not
+    /// decoded again later.
     pub(crate) fn first_changed(&mut self, known: &[(usize, u64)]) -> Result<Option<usize>> {
         self.photos.prefetch(known.iter().map(|(i, _)| *i));
         for (i, digest) in known {

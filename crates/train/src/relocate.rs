@@ -1,14 +1,17 @@
-//! Room for growth in a scene at its limit of triangles, and the way down to it: those that the photos show least are removed.
+//! Room for growth in a scene at its limit of triangles, and the way down to it: those that the
+//! photos show least are removed.
 //!
-//! Pruning removes only useless triangles: slivers and hidden ones. In a full scene this is too little room
-//! for growth where the picture is wrong. The measure is the sum of a triangle's blending weights over all
-//! pixels of all photos, because even a triangle of one pixel can have the largest single weight.
+//! Pruning removes only useless triangles: slivers and hidden ones. In a full scene this is too
+//! little room for growth where the picture is wrong. The measure is the sum of a triangle's
+//! blending weights over all pixels of all photos, because even a triangle of one pixel can have
+//! the largest single weight.
 
 use super::visibility::VisibilityStats;
 
 /// A scene is full with this share of its limit, because pruning has just removed some triangles.
 const FULL: f64 = 0.9;
-/// Largest share of an overfull scene that goes at once, so that the others close the gaps before more go.
+/// Largest share of an overfull scene that goes at once, so that the others close the gaps before
+/// more go.
 const MOST_CUT: f64 = 0.1;
 
 /// The room that a densification makes.
@@ -22,9 +25,9 @@ pub(super) struct Relocation {
     pub(super) max_triangles: usize,
 }
 
-/// Removes a share of the triangles of a full scene, those of the least summed weight, but no more than grow
-/// back; of an overfull one also what is too much, step by step. Returns how many. The first `frozen` do not count against the limit; the first `pinned`, which
-/// include them, stay.
+/// Removes a share of the triangles of a full scene, those of the least summed weight, but no more
+/// than grow back; of an overfull one also what is too much, step by step. Returns how many. The
+/// first `frozen` do not count against the limit; the first `pinned`, which include them, stay.
 pub(super) fn make_room(
     alive: &mut [bool],
     visibility: &VisibilityStats,

@@ -22,7 +22,9 @@ use trisplat_scene::{Error, ImportedScene, Provenance, Result, Soup};
 impl<'a> TrainRun<'a> {
     /// Sets the run up on the CPU, with the first triangles and before the first step.
     ///
-    /// Errors: options out of range, no training photos, a checkpoint of another run.
+    /// # Errors
+    ///
+    /// Options out of range, no training photos, a checkpoint of another run.
     pub fn start(self) -> Result<Training<'a>> {
         let backend = CpuBackend::new(self.drawing());
         self.start_on(Box::new(backend))
@@ -30,7 +32,9 @@ impl<'a> TrainRun<'a> {
 
     /// [`TrainRun::start`] on the device of `place`, or on the CPU with a budget.
     ///
-    /// Errors: those of [`TrainRun::start`]; `gpu` without a matching card, with one that cannot be opened,
+    /// # Errors
+    ///
+    /// Those of [`TrainRun::start`]; `gpu` without a matching card, with one that cannot be opened,
     /// or with a budget.
     pub fn start_at(self, place: &BackendOptions) -> Result<Training<'a>> {
         let has_budget =
@@ -88,8 +92,10 @@ impl<'a> TrainRun<'a> {
 
     /// Runs to the end on the CPU, or until `observer` stops it.
     ///
-    /// Errors: those of [`TrainRun::start`], photos that cannot be decoded. Checkpoints and previews that cannot be written are
-    /// in [`Trained::lost`].
+    /// # Errors
+    ///
+    /// Those of [`TrainRun::start`], photos that cannot be decoded. Checkpoints and previews that
+    /// cannot be written are in [`Trained::lost`].
     pub fn run(self, observer: TrainObserver<'_>) -> Result<Trained> {
         self.start()?.finish(observer)
     }
@@ -98,8 +104,10 @@ impl<'a> TrainRun<'a> {
 impl Training<'_> {
     /// Makes the steps, until the last or until `observer` stops it.
     ///
-    /// Errors: photos that cannot be decoded, with a checkpoint of all steps so far; a graphics card that is
-    /// lost or out of memory, with one of the last densification or checkpoint at least.
+    /// # Errors
+    ///
+    /// Photos that cannot be decoded, with a checkpoint of all steps so far; a graphics card that
+    /// is lost or out of memory, with one of the last densification or checkpoint at least.
     pub fn finish(mut self, observer: TrainObserver<'_>) -> Result<Trained> {
         let mut record = Recorder::new(&self, observer)?;
         let (stopped, last) = self.make_steps(&mut record)?;
@@ -163,8 +171,8 @@ impl Training<'_> {
         self.is_done() || self.steps() >= self.until_step
     }
 
-    /// Makes a step and the outputs due after it, with a sample after `every` steps; returns its sample, and
-    /// whether to stop.
+    /// Makes a step and the outputs due after it, with a sample after `every` steps; returns its
+    /// sample, and whether to stop.
     fn make_step(&mut self, every: u64, record: &mut Recorder<'_>) -> Result<(TrainSample, bool)> {
         let (densified, width_px) = self.step()?;
         let step = self.steps();
@@ -209,10 +217,12 @@ impl Training<'_> {
         Ok(ImportedScene { provenance, cameras, ..ImportedScene::from(soup) })
     }
 
-    /// The trained triangles, with the shell flagged. Triangles that are no longer finite are left out and
-    /// counted in a note.
+    /// The trained triangles, with the shell flagged. Triangles that are no longer finite are left
+    /// out and counted in a note.
     ///
-    /// Errors: those of [`Training::soup`]; no triangle is left.
+    /// # Errors
+    ///
+    /// Those of [`Training::soup`]; no triangle is left.
     fn trained(&mut self) -> Result<(Soup, Option<String>)> {
         let frozen = self.meta.frozen;
         let pinned = self.meta.pinned;
@@ -287,14 +297,18 @@ fn with_remedy(error: Error, checkpoint: Option<(u64, PathBuf)>) -> Error {
     }
 }
 
-/// Photos to measure by, and the seconds and steps that are enough: some clocks advance only every 16 ms.
+/// Photos to measure by, and the seconds and steps that are enough: some clocks advance only every
+/// 16 ms.
 const MEASURED_PHOTOS: usize = 3;
 const MEASURED_SECS: f64 = 0.05;
 const MEASURED_STEPS: u64 = 200;
 
-/// Seconds on the budget's clock per second of `step_secs`, by soft steps on photos of half size, which are thrown away.
+/// Seconds on the budget's clock per second of `step_secs`, by soft steps on photos of half size,
+/// which are thrown away.
 ///
-/// Errors: those of [`TrainRun::start`]; photos that cannot be decoded; a system without CPU time.
+/// # Errors
+///
+/// Those of [`TrainRun::start`]; photos that cannot be decoded; a system without CPU time.
 pub fn speed(
     dataset: &Dataset,
     from: Option<&ImportedScene>,

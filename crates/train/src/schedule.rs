@@ -1,5 +1,5 @@
-//! The schedule of a run: rates, resolution, SH degree, regularisers, densifications and the anneal at each
-//! step.
+//! The schedule of a run: rates, resolution, SH degree, regularisers, densifications and the anneal
+//! at each step.
 
 use super::options::{REFERENCE_STEPS, TrainOptions};
 use super::params::Anneal;
@@ -9,8 +9,8 @@ use trisplat_raster::soft::{SoftOptions, Sort, Window};
 /// Largest alpha of a layer of the soft scene (3DGS).
 pub(crate) const ALPHA_CAP: f32 = 0.99;
 
-/// Largest alpha of a layer with engine shading, before the scene is opaque. Layers behind must show a
-/// little, or the loss has no gradient towards removing a layer.
+/// Largest alpha of a layer with engine shading, before the scene is opaque. Layers behind must
+/// show a little, or the loss has no gradient towards removing a layer.
 pub(crate) const ENGINE_ALPHA_CAP: f32 = 0.995;
 
 /// Rate of the opacity's logit (0.014, supplement).
@@ -35,10 +35,11 @@ const GEOMETRY_FROM: f64 = 5000.0;
 const SIZE_UNTIL: f64 = 25_000.0;
 /// Triangles fainter than this are pruned (0.014, supplement: opacity_dead).
 const PRUNE_OPACITY: f64 = 0.014;
-/// Steepness of the opacity's sigmoid at the end of the anneal, as a factor, reached log-linearly: it drives
-/// each opacity to 0 or 1, whichever lowers the loss.
+/// Steepness of the opacity's sigmoid at the end of the anneal, as a factor, reached log-linearly:
+/// it drives each opacity to 0 or 1, whichever lowers the loss.
 const SOLID_GAIN: f64 = 8.0;
-/// Factor of σ at the end of the anneal, reached log-linearly from the first step on (TS+ 0.0001, linearly).
+/// Factor of σ at the end of the anneal, reached log-linearly from the first step on (TS+ 0.0001,
+/// linearly).
 const SOLID_SIGMA_SCALE: f64 = 0.02;
 /// τ_prune at the end of the anneal, reached linearly (TS+ 0.235).
 const SOLID_PRUNE_WEIGHT: f64 = 0.235;
@@ -78,14 +79,16 @@ pub struct StepParams {
     pub beta_size: f64,
     /// Skip triangles without a gradient.
     pub sparse: bool,
-    /// Largest alpha of a layer; it rises to 1 with the anneal, because solid triangles must not leak.
+    /// Largest alpha of a layer; it rises to 1 with the anneal, because solid triangles must not
+    /// leak.
     pub alpha_cap: f32,
     /// How solid the scene is.
     pub anneal: Anneal,
-    /// Drawn as an engine draws: edges one pixel wide, colours mixed in linear light. One sample per pixel is enough:
-    /// 2 by 2 gained 0.03 dB at 1.37 times the seconds.
+    /// Drawn as an engine draws: edges one pixel wide, colours mixed in linear light. One sample
+    /// per pixel is enough: 2 by 2 gained 0.03 dB at 1.37 times the seconds.
     pub engine_shading: bool,
-    /// Replaces the background of the run, sRGB-encoded: behind an object it changes from step to step.
+    /// Replaces the background of the run, sRGB-encoded: behind an object it changes from step to
+    /// step.
     pub background: Option<[f32; 3]>,
 }
 
@@ -169,8 +172,8 @@ impl<'a> Schedule<'a> {
         }
     }
 
-    /// Degrees of view-dependent colour in use: one more every thousand steps of a 30,000-step run, none with
-    /// engine shading.
+    /// Degrees of view-dependent colour in use: one more every thousand steps of a 30,000-step run,
+    /// none with engine shading.
     pub fn sh_degree(&self, step: u64) -> u8 {
         let o = self.options;
         if self.is_opaque(step) {
@@ -228,8 +231,8 @@ impl<'a> Schedule<'a> {
         }
     }
 
-    /// τ_prune after `step`. It rises with the anneal, because a soft scene has small weights, which the
-    /// threshold of a solid one would delete at once.
+    /// τ_prune after `step`. It rises with the anneal, because a soft scene has small weights,
+    /// which the threshold of a solid one would delete at once.
     pub fn prune_weight(&self, step: u64) -> f64 {
         let soft = self.options.densify.prune_weight;
         soft + (SOLID_PRUNE_WEIGHT - soft) * self.annealed(step)
@@ -249,7 +252,8 @@ impl<'a> Schedule<'a> {
         self.options.ends_solid() && step >= self.scaled(position)
     }
 
-    /// Rate of the corners: log-linear over the run, and again from the beginning of engine shading.
+    /// Rate of the corners: log-linear over the run, and again from the beginning of engine
+    /// shading.
     fn corners_rate(&self, step: u64) -> f64 {
         let o = self.options;
         let s = &self.options.solid;
@@ -281,8 +285,8 @@ impl<'a> Schedule<'a> {
         step < self.scaled(self.options.densify.until)
     }
 
-    /// True while known depth moves triangles after `step` steps: in the first half of the solid part. Later it costs more sharpness than it
-    /// gains depth.
+    /// True while known depth moves triangles after `step` steps: in the first half of the solid
+    /// part. Later it costs more sharpness than it gains depth.
     pub fn pulls_after(&self, step: u64) -> bool {
         !self.is_past(step, (self.options.solid.opacity_until + REFERENCE_STEPS) / 2.0)
     }

@@ -1,11 +1,11 @@
 //! A closed shell around the scene, for surfaces without points: walls, windows, the sky.
 //!
-//! In each direction it lies a little behind the farthest points there. It begins with the colour of the
-//! photos in its place, or with interpolated colours where no photo shows it. Its distance rises gently
-//! towards far places, without spikes. It is closed, and pinned: only its colour is trained. Without it,
-//! training paints such surfaces by large triangles close to each camera, which float before a black
-//! background in other views. Not in the paper; its code has a white dome of ordinary triangles for outdoor
-//! scenes.
+//! In each direction it lies a little behind the farthest points there. It begins with the colour
+//! of the photos in its place, or with interpolated colours where no photo shows it. Its distance
+//! rises gently towards far places, without spikes. It is closed, and pinned: only its colour is
+//! trained. Without it, training paints such surfaces by large triangles close to each camera,
+//! which float before a black background in other views. Not in the paper; its code has a white
+//! dome of ordinary triangles for outdoor scenes.
 
 use super::options::TrainOptions;
 use super::pyramid::{MIN_PX, Pyramid};
@@ -22,7 +22,8 @@ use trisplat_scene::{Result, SceneNormalization, Soup, sh0_from_rgb};
 const PER_SHELL_TRIANGLE: u64 = 10;
 /// Photos are used at a quarter of their size, because single pixels are noisy.
 const LEVEL: u32 = 2;
-/// Cosine of the half angle of a cone whose points give the scene's extent in a direction: 20 degrees.
+/// Cosine of the half angle of a cone whose points give the scene's extent in a direction: 20
+/// degrees.
 const CONE: f32 = 0.94;
 /// Least points in such a cone.
 const CONE_POINTS: usize = 4;
@@ -51,10 +52,13 @@ pub(super) fn subdivisions(options: &TrainOptions) -> Option<u32> {
     (2..=options.init.shell_subdivisions).rev().find(fits)
 }
 
-/// The shell around a scene with its middles at `points`, as `views` show it, in their world: for a run from triangles that lack one. Empty
-/// where `options` or masks exclude it. `photo_bytes` is the memory for photos.
+/// The shell around a scene with its middles at `points`, as `views` show it, in their world: for a
+/// run from triangles that lack one. Empty where `options` or masks exclude it. `photo_bytes` is
+/// the memory for photos.
 ///
-/// Errors: photos that cannot be decoded.
+/// # Errors
+///
+/// Photos that cannot be decoded.
 pub fn shell_around(
     points: &[Vec3],
     views: &[&View],
@@ -74,10 +78,13 @@ pub fn shell_around(
     Ok(soup)
 }
 
-/// The shell around `points` as seen by `cameras`, those of the photos, in training space; SH degree 0. Empty
-/// when the photos have masks, because these exclude the background, and when no photo shows it.
+/// The shell around `points` as seen by `cameras`, those of the photos, in training space; SH
+/// degree 0. Empty when the photos have masks, because these exclude the background, and when no
+/// photo shows it.
 ///
-/// Errors: photos that cannot be decoded.
+/// # Errors
+///
+/// Photos that cannot be decoded.
 pub(super) fn shell(
     points: &[Vec3],
     cameras: &[Camera],
@@ -145,8 +152,8 @@ fn mean(values: impl ExactSizeIterator<Item = f32>) -> f32 {
     values.sum::<f32>() / count
 }
 
-/// Raises the logarithms of distances around far places until no slope exceeds [`STEEPEST`]. None is lowered,
-/// so the shell stays behind the scene.
+/// Raises the logarithms of distances around far places until no slope exceeds [`STEEPEST`]. None
+/// is lowered, so the shell stays behind the scene.
 fn raise(logs: &mut [f32], directions: &[Vec3], neighbours: &[Vec<u32>]) {
     let mut rises = true;
     while rises {
@@ -176,8 +183,8 @@ fn far(mut lengths: Vec<f32>) -> Option<f32> {
     Some(*lengths.select_nth_unstable_by(at, f32::total_cmp).1)
 }
 
-/// The median colour of the photos at the middle of each face; `None` where no photo shows it. The whole
-/// result is `None` when photos have masks. `[F]`
+/// The median colour of the photos at the middle of each face; `None` where no photo shows it. The
+/// whole result is `None` when photos have masks. `[F]`
 fn colors(
     corners: &[[Vec3; 3]],
     cameras: &[Camera],
@@ -266,7 +273,8 @@ mod tests {
         let radii = radii(&directions, &faces, &wall(), &[]);
         for (direction, radius) in directions.iter().zip(&radii) {
             assert!((3.9..8.0).contains(radius), "{direction} {radius}");
-            // Along the axis the wall is 4 away, at the rim of a cone 4.3; beside it there is a little more.
+            // Along the axis the wall is 4 away, at the rim of a cone 4.3; beside it there is a
+            // little more.
             assert!(direction.z < 0.999 || (4.4..4.9).contains(radius), "{direction} {radius}");
         }
         let nothing = super::radii(&directions, &faces, &[], &[]);
@@ -278,7 +286,8 @@ mod tests {
     #[test]
     fn a_view_through_a_window_is_a_hill() {
         let (directions, faces) = octasphere(4);
-        // A room of points at distance 2, and a street that is seen through a small window, 60 away.
+        // A room of points at distance 2, and a street that is seen through a small window, 60
+        // away.
         let room = directions.iter().map(|d| *d * 2.0);
         let street =
             (0..400).map(|i| Vec3::new((i % 20) as f32 - 10.0, (i / 20) as f32 - 10.0, 60.0));

@@ -28,8 +28,8 @@ const RANDOM_POINTS: usize = 10_000;
 pub struct Part {
     /// Training space of the whole scene, so that lengths and rates agree in all parts.
     pub space: SceneNormalization,
-    /// Number of triangles at the front of the starting scene that are drawn but not trained; `max_triangles` does not count them.
-    /// The shell follows them.
+    /// Number of triangles at the front of the starting scene that are drawn but not trained;
+    /// `max_triangles` does not count them. The shell follows them.
     pub frozen: usize,
     /// The box of the part that stays after merging, with its own limit of triangles.
     pub core: Option<Core>,
@@ -68,7 +68,8 @@ pub struct Preview {
     pub pause: Duration,
 }
 
-/// All inputs of a run. [`TrainRun::new`] has the plain values; any field can be set before the start.
+/// All inputs of a run. [`TrainRun::new`] has the plain values; any field can be set before the
+/// start.
 ///
 /// ```
 /// use std::ops::ControlFlow::Continue;
@@ -103,11 +104,11 @@ pub struct TrainRun<'a> {
     pub photo_bytes: u64,
     /// The outputs during the run.
     pub outputs: RunOptions,
-    /// The scene to start from instead of the data set's points, as a reader returns it; suitable options are
-    /// those of [`TrainOptions::from_scene`].
+    /// The scene to start from instead of the data set's points, as a reader returns it; suitable
+    /// options are those of [`TrainOptions::from_scene`].
     pub from: Option<ImportedScene>,
-    /// Whether that scene may have more triangles than `max_triangles`: a solid run cuts it as it goes on, by up to a tenth per
-    /// densification, and has some left if it ends before.
+    /// Whether that scene may have more triangles than `max_triangles`: a solid run cuts it as it
+    /// goes on, by up to a tenth per densification, and has some left if it ends before.
     pub cut_from: bool,
     /// The part of that scene to train, if not all; a resumed run has the part of its checkpoint.
     pub part: Option<Part>,
@@ -115,12 +116,13 @@ pub struct TrainRun<'a> {
     pub until_step: Option<u64>,
     /// The checkpoint to resume from.
     pub resume: Option<Checkpoint>,
-    /// Keeps the run to a budget; `None` makes the steps of the options. A resumed run has the pace of its
-    /// checkpoint, and its spending is counted from here.
+    /// Keeps the run to a budget; `None` makes the steps of the options. A resumed run has the pace
+    /// of its checkpoint, and its spending is counted from here.
     pub paced: Option<Paced>,
     /// Start of the process that resumes a run with a budget; `None`: now.
     pub began: Option<Instant>,
-    /// Resume even if photos, cameras, points or the background differ from those of the checkpoint.
+    /// Resume even if photos, cameras, points or the background differ from those of the
+    /// checkpoint.
     pub force_resume: bool,
 }
 
@@ -159,9 +161,12 @@ impl<'a> TrainRun<'a> {
     }
 }
 
-/// The state of `run` before its first step, from the triangles of a scene or from the points of the data set.
+/// The state of `run` before its first step, from the triangles of a scene or from the points of
+/// the data set.
 ///
-/// Errors: those of [`from_points`] and [`from_scene`].
+/// # Errors
+///
+/// Those of [`from_points`] and [`from_scene`].
 pub(super) fn first(
     views: &[&View],
     run: &TrainRun<'_>,
@@ -198,7 +203,8 @@ pub(super) fn first(
     })
 }
 
-/// The points to start from: where photos track points, a fifth of them judges the depth of the result.
+/// The points to start from: where photos track points, a fifth of them judges the depth of the
+/// result.
 fn not_judging(dataset: &Dataset) -> Cow<'_, [Point]> {
     match dataset.has_tracks() {
         true => {
@@ -210,9 +216,12 @@ fn not_judging(dataset: &Dataset) -> Cow<'_, [Point]> {
     }
 }
 
-/// The first triangles: one per point of the sparse or a random cloud, and the shell around a cloud.
+/// The first triangles: one per point of the sparse or a random cloud, and the shell around a
+/// cloud.
 ///
-/// Errors: photos that cannot be decoded.
+/// # Errors
+///
+/// Photos that cannot be decoded.
 fn from_points(
     views: &[&View],
     points: &[Point],
@@ -228,8 +237,8 @@ fn from_points(
     };
     let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
     let space = SceneNormalization::of(&cameras, cloud.len(), |i| cloud[i].position);
-    // Points are first thinned to the limit of triangles, because sizes come from the gaps between the
-    // remaining points.
+    // Points are first thinned to the limit of triangles, because sizes come from the gaps between
+    // the remaining points.
     let cloud = thinned(cloud, usize::try_from(options.max_triangles).unwrap_or(usize::MAX));
     let init_points: Vec<InitPoint> = cloud
         .iter()
@@ -271,8 +280,8 @@ pub(super) fn thinned<T: Copy>(items: &[T], most: usize) -> Cow<'_, [T]> {
     }
 }
 
-/// Whether entry `i` of `count` is in an even selection of `most`; the order of points in files has no
-/// meaning.
+/// Whether entry `i` of `count` is in an even selection of `most`; the order of points in files has
+/// no meaning.
 pub(super) fn is_among(i: usize, most: usize, count: usize) -> bool {
     count <= most
         || (i as u128 + 1) * most as u128 / count as u128 > i as u128 * most as u128 / count as u128
@@ -280,7 +289,9 @@ pub(super) fn is_among(i: usize, most: usize, count: usize) -> bool {
 
 /// The triangles of an existing scene.
 ///
-/// Errors: more triangles than the options permit, unless they are cut; none at all.
+/// # Errors
+///
+/// More triangles than the options permit, unless they are cut; none at all.
 fn from_scene(
     views: &[&View],
     scene: &ImportedScene,
@@ -314,10 +325,12 @@ fn from_scene(
     Ok((space, state))
 }
 
-/// The triangles of `scene` in training space. Undoes the `placement` of its file, and moves it like the data
-/// set: `origin` is the world point at (0, 0, 0) of the data set.
+/// The triangles of `scene` in training space. Undoes the `placement` of its file, and moves it
+/// like the data set: `origin` is the world point at (0, 0, 0) of the data set.
 ///
-/// Errors: more triangles than `most`, if given, or none at all.
+/// # Errors
+///
+/// More triangles than `most`, if given, or none at all.
 fn placed_soup(
     scene: &ImportedScene,
     placement: &Placement,
@@ -340,7 +353,8 @@ fn placed_soup(
     Ok(soup)
 }
 
-/// Replaces the points of a data set without points: places of the triangles of `scene`, in its world.
+/// Replaces the points of a data set without points: places of the triangles of `scene`, in its
+/// world.
 fn centers(scene: &ImportedScene, placement: &Placement, origin: DVec3) -> Vec<Vec3> {
     let center = |i: usize| {
         let sum: DVec3 =

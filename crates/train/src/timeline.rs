@@ -1,14 +1,14 @@
 //! The map between the steps of a run and positions in a schedule of 30,000 steps.
 //!
-//! Without milestones both are proportional. With milestones, each part between two of them is stretched
-//! separately. So a run can change its remaining steps without changing earlier ones: nothing before a
-//! milestone depends on a later one.
+//! Without milestones both are proportional. With milestones, each part between two of them is
+//! stretched separately. So a run can change its remaining steps without changing earlier ones:
+//! nothing before a milestone depends on a later one.
 
 use super::options::{REFERENCE_STEPS, TrainOptions};
 
-/// The positions, steps of a 30,000-step run, at which a run may change its remaining steps: when photos
-/// change from a quarter to half their size, when engine shading begins, when photos have their full size,
-/// and once more before the end.
+/// The positions, steps of a 30,000-step run, at which a run may change its remaining steps: when
+/// photos change from a quarter to half their size, when engine shading begins, when photos have
+/// their full size, and once more before the end.
 pub(crate) const MILESTONES: [f64; 4] = [12_000.0, 20_000.0, 24_000.0, 27_000.0];
 
 /// The distribution of a run's steps over its schedule.
@@ -55,7 +55,8 @@ impl Timeline {
         match self.parts().into_iter().flatten().find(|part| position <= part.positions[1]) {
             Some(Part { positions: [from, until], steps: [first, last] }) => {
                 let steps = (position - from) / (until - from) * (last - first) as f64;
-                // What is not yet reached at a milestone must not become reached when the next part is shortened there.
+                // What is not yet reached at a milestone must not become reached when the next part
+                // is shortened there.
                 let begun = u64::from(position > from && last > first);
                 first + (steps.round() as u64).max(begun)
             }
@@ -129,7 +130,8 @@ mod tests {
         for position in 0..20_000 {
             assert_eq!(before.step_at(position.into()), after.step_at(position.into()));
         }
-        // At the milestone itself neither: all of the next part is still to come, if it is one step.
+        // At the milestone itself neither: all of the next part is still to come, if it is one
+        // step.
         for position in 20_001..24_000 {
             assert!(before.step_at(position.into()) > 669 && after.step_at(position.into()) > 669);
         }

@@ -47,7 +47,8 @@ pub struct Trained {
     pub stopped: bool,
     /// The checkpoint of the last step, if one was written.
     pub checkpoint: Option<PathBuf>,
-    /// Checkpoints and previews that could not be written, and why. The scene does not depend on them.
+    /// Checkpoints and previews that could not be written, and why. The scene does not depend on
+    /// them.
     pub lost: Vec<String>,
 }
 
@@ -68,13 +69,16 @@ pub struct TrainDetails {
     pub psnr: Option<f64>,
     /// Mean SSIM over the held-out photos; null when there are none.
     pub ssim: Option<f64>,
-    /// Mean PSNR over the held-out photos after one affine colour map per photo, dB; absent if photos were not corrected.
+    /// Mean PSNR over the held-out photos after one affine colour map per photo, dB; absent if
+    /// photos were not corrected.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_corrected: Option<f64>,
-    /// Samples per pixel along each axis of the solid drawings for these scores; null for soft drawings.
+    /// Samples per pixel along each axis of the solid drawings for these scores; null for soft
+    /// drawings.
     #[serde(default)]
     pub samples: Option<u32>,
-    /// The size that the held-out photos were shrunk to for these scores, "320x213"; absent where they were not.
+    /// The size that the held-out photos were shrunk to for these scores, "320x213"; absent where
+    /// they were not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub photo_size: Option<ShrunkSize>,
     /// The use of the budget; absent without one.
@@ -110,10 +114,12 @@ impl Trained {
         corrected.then(|| PhotoScore::mean_corrected(&self.scores)).flatten()
     }
 
-    /// Writes the soup with its cameras and provenance as a PLY that appears whole or not at all; "-" is standard
-    /// output. Returns its size in bytes.
+    /// Writes the soup with its cameras and provenance as a PLY that appears whole or not at all;
+    /// "-" is standard output. Returns its size in bytes.
     ///
-    /// Errors: what the operating system refuses.
+    /// # Errors
+    ///
+    /// What the operating system refuses.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<u64> {
         self.save_to(AtomicFile::create(path.as_ref())?)
     }

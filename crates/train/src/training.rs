@@ -23,8 +23,8 @@ use trisplat_scene::{
     Error, ImportedScene, Provenance, Result, Rng, SceneNormalization, Soup, Spending,
 };
 
-/// A run between two steps. A pure function of the data set, the options and the steps made: stopping,
-/// writing a checkpoint and resuming elsewhere changes no bit.
+/// A run between two steps. A pure function of the data set, the options and the steps made:
+/// stopping, writing a checkpoint and resuming elsewhere changes no bit.
 #[derive(Debug)]
 pub struct Training<'a> {
     /// The device's card, graphics API, driver and needed memory; `None` on the CPU.
@@ -60,7 +60,8 @@ pub struct Training<'a> {
     full_px: f32,
 }
 
-/// The step at which the backend was given a state, and the other data for a checkpoint of that moment.
+/// The step at which the backend was given a state, and the other data for a checkpoint of that
+/// moment.
 #[derive(Debug, Clone)]
 struct LoadedAt {
     step: u64,
@@ -69,11 +70,14 @@ struct LoadedAt {
 }
 
 impl<'a> Training<'a> {
-    /// Sets `run` up on a backend with the options of [`TrainRun::drawing`]: from its checkpoint, the triangles of a scene, all or a part
-    /// of them, or the points of the data set. Photos that a resumed run has used are decoded here, once.
+    /// Sets `run` up on a backend with the options of [`TrainRun::drawing`]: from its checkpoint,
+    /// the triangles of a scene, all or a part of them, or the points of the data set. Photos that
+    /// a resumed run has used are decoded here, once.
     ///
-    /// Errors: options out of range, no training photos, a scene of more triangles than the options permit; a checkpoint with training
-    /// photos of other names or, unless forced, any other difference.
+    /// # Errors
+    ///
+    /// Options out of range, no training photos, a scene of more triangles than the options permit;
+    /// a checkpoint with training photos of other names or, unless forced, any other difference.
     pub(super) fn new(mut run: TrainRun<'a>, backend: Box<dyn TrainBackend + 'a>) -> Result<Self> {
         let dataset = run.dataset;
         let drawing = run.drawing();
@@ -176,8 +180,8 @@ impl<'a> Training<'a> {
         self.backend.len()
     }
 
-    /// Figures of finished steps, each once, in the order of the steps; with `all`, it waits for unfinished
-    /// ones.
+    /// Figures of finished steps, each once, in the order of the steps; with `all`, it waits for
+    /// unfinished ones.
     pub(super) fn figures(&mut self, all: bool) -> Result<Vec<StepStats>> {
         self.collect_figures(all)?;
         Ok(std::mem::take(&mut self.figures))
@@ -207,8 +211,8 @@ impl<'a> Training<'a> {
         }
     }
 
-    /// True where [`Training::picture`] draws faster than the CPU: soft pictures of the whole scene on a
-    /// graphics card.
+    /// True where [`Training::picture`] draws faster than the CPU: soft pictures of the whole scene
+    /// on a graphics card.
     pub(super) fn draws(&self, drawing: &SoftOptions) -> bool {
         self.backend.draws()
             && self.meta.frozen == 0
@@ -218,14 +222,17 @@ impl<'a> Training<'a> {
 
     /// The view of `camera`, in the world, of the present scene.
     ///
-    /// Errors: those of the backend; it does not draw.
+    /// # Errors
+    ///
+    /// Those of the backend; it does not draw.
     pub(super) fn picture(&mut self, camera: &Camera, drawing: &SoftOptions) -> Result<RgbImage> {
         let rates = Schedule::new(&self.meta.options).rates(self.meta.step.max(1) - 1);
         let camera = self.space().camera_to_training(camera);
         Ok(self.backend.picture(&camera, drawing, &rates)?.to_pixels())
     }
 
-    /// Makes one step, and the densification that follows it, if one is due; returns the width of the photo, px, too.
+    /// Makes one step, and the densification that follows it, if one is due; returns the width of
+    /// the photo, px, too.
     pub(super) fn step(&mut self) -> Result<(Option<Densified>, u32)> {
         let count = self.cameras.len() as u64;
         if self.meta.step.is_multiple_of(count) {
@@ -298,7 +305,8 @@ impl<'a> Training<'a> {
         Ok(densified)
     }
 
-    /// Finds the surfaces whose place is known, at the first densification of a solid scene; parts of scenes have none.
+    /// Finds the surfaces whose place is known, at the first densification of a solid scene; parts
+    /// of scenes have none.
     fn find_known_depth(&mut self) -> Result<()> {
         let options = &self.meta.options;
         let schedule = Schedule::new(&self.meta.options);
@@ -355,15 +363,17 @@ impl<'a> Training<'a> {
         self.is_done() && self.meta.options.ends_solid()
     }
 
-    /// Everything needed to resume elsewhere. If the backend has lost the scene, this is the state that it
-    /// was last given, after a densification or a checkpoint.
+    /// Everything needed to resume elsewhere. If the backend has lost the scene, this is the state
+    /// that it was last given, after a densification or a checkpoint.
     ///
-    /// Errors: the backend has lost the scene, and there is no earlier one.
+    /// # Errors
+    ///
+    /// The backend has lost the scene, and there is no earlier one.
     pub(super) fn checkpoint(&mut self, cpu_secs: f64) -> Result<Checkpoint> {
         let (state, now) = match self.take_state() {
             Ok(state) => {
-                // A backend that cannot take the state back fails at the next step; this is the state before
-                // that step.
+                // A backend that cannot take the state back fails at the next step; this is the
+                // state before that step.
                 let _ = self.load(state.clone());
                 let visibility = self.visibility.clone();
                 (state, LoadedAt { step: self.meta.step, dropped: self.meta.dropped, visibility })
@@ -394,14 +404,16 @@ impl<'a> Training<'a> {
     }
 }
 
-/// The background of an object at a step, sRGB-encoded: each channel is 0 or 255. Colours between are nearer to the object's, and so tell
-/// less about where it ends: files are up to 0.5 dB worse with them (docs/benchmarks/background.md).
+/// The background of an object at a step, sRGB-encoded: each channel is 0 or 255. Colours between
+/// are nearer to the object's, and so tell less about where it ends: files are up to 0.5 dB worse
+/// with them (docs/benchmarks/background.md).
 fn background(seed: u64, step: u64) -> [u8; 3] {
     let rng = Rng::new(seed, "background", step);
     [0, 1, 2].map(|channel| if rng.uniform(channel) < 0.5 { 0 } else { 255 })
 }
 
-/// The memory for photos, divided between training and held-out photos in proportion to their bytes.
+/// The memory for photos, divided between training and held-out photos in proportion to their
+/// bytes.
 fn shares(dataset: &Dataset, photo_bytes: u64) -> (u64, u64) {
     let bytes = |view: &View| u128::from(view.photo.most_bytes());
     let (train, test): (u128, u128) =
@@ -411,9 +423,12 @@ fn shares(dataset: &Dataset, photo_bytes: u64) -> (u64, u64) {
     (photo_bytes - held_out, held_out)
 }
 
-/// Differences of the inputs `now` from those of a checkpoint, one sentence each. Photos that its run has used are decoded.
+/// Differences of the inputs `now` from those of a checkpoint, one sentence each. Photos that its
+/// run has used are decoded.
 ///
-/// Errors: photos of other names; without `force`, any difference; photos that cannot be decoded.
+/// # Errors
+///
+/// Photos of other names; without `force`, any difference; photos that cannot be decoded.
 fn differences(
     before: &RunIdentity,
     now: &RunIdentity,

@@ -10,13 +10,14 @@ use trisplat_scene::parallel;
 /// Triangles per parallel job.
 const CHUNK: usize = 512;
 
-/// Corners move in proportion to their triangle's size, so a step is the same share of every triangle, whatever the
-/// unit of the scene. Least and largest size that counts, scene units: for slivers and for triangles around
-/// everything.
+/// Corners move in proportion to their triangle's size, so a step is the same share of every
+/// triangle, whatever the unit of the scene. Least and largest size that counts, scene units: for
+/// slivers and for triangles around everything.
 pub(crate) const SIZES: [f32; 2] = [0.001, 0.3];
 
-/// The largest size that counts is at most this, divided by the root of the number of triangles: about six times the median of a trained capture.
-/// Triangles that grow far beyond it hide whole walls before a photo is drawn that shows the harm.
+/// The largest size that counts is at most this, divided by the root of the number of triangles:
+/// about six times the median of a trained capture. Triangles that grow far beyond it hide whole
+/// walls before a photo is drawn that shows the harm.
 pub(crate) const SIZE_OF_ALL: f32 = 15.0;
 
 /// Gradients that bypass the pixels (Held et al. 2025, eq. 3: β1 and β4).
@@ -75,8 +76,8 @@ fn area_grad(v: &[Vec3; 3], d_area: f32) -> [Vec3; 3] {
     [-(d1 + d2), d1, d2]
 }
 
-/// Updates `state` by `gradient`. Returns how many triangles had a gradient, and how many of these were not
-/// finite; such triangles keep their parameters in this step.
+/// Updates `state` by `gradient`. Returns how many triangles had a gradient, and how many of these
+/// were not finite; such triangles keep their parameters in this step.
 pub(crate) fn update(
     state: &mut TrainState,
     gradient: &SoupGrad,
@@ -250,7 +251,8 @@ mod tests {
         }
     }
 
-    /// Four equal triangles of SH degree 1, a gradient for each of their numbers, and the rates of a first step.
+    /// Four equal triangles of SH degree 1, a gradient for each of their numbers, and the rates of
+    /// a first step.
     fn four_triangles() -> (TrainState, SoupGrad, StepParams) {
         let params = Params {
             vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; 4],

@@ -1,8 +1,9 @@
 //! Visibility of every triangle in the training photos since the last pruning.
 //!
-//! A triangle is pruned only after *complete* passes: every training photo was drawn since the statistics
-//! began, and the triangle existed all the time. Photos are counted, not epochs: a counter that resets at the
-//! wrong moment deletes whole scenes of many photos (the paper's code does, above some 520 of them).
+//! A triangle is pruned only after *complete* passes: every training photo was drawn since the
+//! statistics began, and the triangle existed all the time. Photos are counted, not epochs: a
+//! counter that resets at the wrong moment deletes whole scenes of many photos (the paper's code
+//! does, above some 520 of them).
 
 use trisplat_raster::soft::Importance;
 
@@ -17,7 +18,8 @@ pub struct VisibilityStats {
     pub views: Vec<u32>,
     /// Largest distance of a corner from the centre, px of the full photo. `[N]`
     pub radius_px: Vec<f32>,
-    /// Reciprocal of the least depth in a photo that shows it, 1 / unit of training space; 0 without one. `[N]`
+    /// Reciprocal of the least depth in a photo that shows it, 1 / unit of training space; 0
+    /// without one. `[N]`
     pub nearness: Vec<f32>,
     /// Squared error of the pixels since the last densification, shared out by weight. `[N]`
     pub error: Vec<u64>,
@@ -55,8 +57,8 @@ impl VisibilityStats {
         self.drawn.iter().all(|drawn| *drawn)
     }
 
-    /// Merges what was seen in frames; with `counts`, of photos that are not counted yet. `full_px` is the size of a frame's pixel in
-    /// pixels of the full photo.
+    /// Merges what was seen in frames; with `counts`, of photos that are not counted yet. `full_px`
+    /// is the size of a frame's pixel in pixels of the full photo.
     pub fn merge(&mut self, seen: &Importance, counts: bool, full_px: f32) {
         for i in 0..self.max_weight.len() {
             self.max_weight[i] = self.max_weight[i].max(seen.max_weight[i]);

@@ -1,4 +1,5 @@
-//! Viewing scenes: pictures of depth, normals and wires, and drawing on a graphics card as an engine does.
+//! Viewing scenes: pictures of depth, normals and wires, and drawing on a graphics card as an
+//! engine does.
 //!
 //! In: scenes and assets. Out: pictures drawn as an engine draws them, and a window.
 

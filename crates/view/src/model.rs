@@ -15,7 +15,8 @@ use wgpu::*;
 pub struct Model {
     /// Bytes of GPU memory that it takes.
     pub bytes: u64,
-    /// Runs of faces that are drawn or culled as a whole, each from one side or from both, and their boxes.
+    /// Runs of faces that are drawn or culled as a whole, each from one side or from both, and
+    /// their boxes.
     pub chunks: Vec<(Chunk, [Vec3; 2])>,
     /// Whether the faces of a run are drawn from their front only. `[chunks]`
     single_sided: Vec<bool>,
@@ -27,7 +28,9 @@ pub struct Model {
 impl Model {
     /// Uploads the faces of `asset`.
     ///
-    /// Errors: the card has no room; one colour per face of a mesh with indices.
+    /// # Errors
+    ///
+    /// The card has no room; one colour per face of a mesh with indices.
     pub(crate) fn upload(
         gpu: &Gpu,
         texture_layout: &BindGroupLayout,
@@ -69,7 +72,8 @@ impl Model {
         self.chunks.iter().map(|(chunk, _)| u64::from(chunk.count)).sum()
     }
 
-    /// The draw calls for the view of `camera`: runs of faces, of those that are `single_sided` or of the others.
+    /// The draw calls for the view of `camera`: runs of faces, of those that are `single_sided` or
+    /// of the others.
     pub(crate) fn draw_calls(
         &self,
         camera: &Camera,
@@ -172,7 +176,9 @@ pub(super) fn page_layout(gpu: &Gpu) -> BindGroupLayout {
 
 /// The bind group of a texture, and its bytes.
 ///
-/// Errors: the card has no room.
+/// # Errors
+///
+/// The card has no room.
 fn page_group(gpu: &Gpu, layout: &BindGroupLayout, page: &Texture) -> Result<(BindGroup, u64)> {
     let sampler = gpu.device.create_sampler(&SamplerDescriptor {
         label: Some("trilinear"),
@@ -193,7 +199,8 @@ fn page_group(gpu: &Gpu, layout: &BindGroupLayout, page: &Texture) -> Result<(Bi
     Ok((group, bytes))
 }
 
-/// A page with its mip levels, and its bytes. Of one that is larger than the card's textures, the levels that fit.
+/// A page with its mip levels, and its bytes. Of one that is larger than the card's textures, the
+/// levels that fit.
 fn picture(gpu: &Gpu, page: &Texture) -> Result<(TextureView, u64)> {
     let limit = gpu.device.limits().max_texture_dimension_2d;
     let last = page.size().max_element().ilog2() as usize;
@@ -238,7 +245,7 @@ fn picture(gpu: &Gpu, page: &Texture) -> Result<(TextureView, u64)> {
     Ok((texture.create_view(&TextureViewDescriptor::default()), bytes))
 }
 
-// ---- How vertices are stored in GPU memory; boxes of chunks, and their culling -----------------------
+// ---- How vertices are stored in GPU memory; boxes of chunks, and their culling ------------------
 
 /// A corner with its colour.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -266,8 +273,8 @@ pub(crate) fn pack_color(linear: [f32; 3]) -> u32 {
     r | g << 10 | b << 20
 }
 
-/// The chunks of an asset, cut where faces with one side and with both meet, and their boxes; one chunk of everything when it has none.
-/// `[chunks]`
+/// The chunks of an asset, cut where faces with one side and with both meet, and their boxes; one
+/// chunk of everything when it has none. `[chunks]`
 pub(crate) fn bounds(asset: &Asset) -> Vec<(Chunk, [Vec3; 2])> {
     let mesh = &asset.mesh;
     let whole = [Chunk { first: 0, count: mesh.face_count() as u32 }];

@@ -1,6 +1,6 @@
-//! Draws a model as an engine does, by the definition of the solid rasteriser on the CPU: opaque triangles,
-//! z-buffer, both sides, clipped at the near plane, colours interpolated perspective-correctly in linear
-//! light and sRGB-encoded when written.
+//! Draws a model as an engine does, by the definition of the solid rasteriser on the CPU: opaque
+//! triangles, z-buffer, both sides, clipped at the near plane, colours interpolated
+//! perspective-correctly in linear light and sRGB-encoded when written.
 
 use crate::model::{CornerVertex, Model, TextureVertex, page_layout};
 use glam::{DMat4, DVec4, Mat4, UVec2};
@@ -57,7 +57,9 @@ pub(crate) struct Attachments {
 impl Attachments {
     /// For pictures of `size` and `format`, with `samples` (1 or 4) per pixel.
     ///
-    /// Errors: larger than the card can draw, or more memory than it has.
+    /// # Errors
+    ///
+    /// Larger than the card can draw, or more memory than it has.
     pub(crate) fn new(
         gpu: &Gpu,
         size: glam::UVec2,
@@ -175,7 +177,9 @@ impl Renderer {
 
     /// Records the drawing of `model` onto a picture, which is cleared first.
     ///
-    /// Errors: a display mode that the card cannot draw.
+    /// # Errors
+    ///
+    /// A display mode that the card cannot draw.
     pub(crate) fn draw(
         &mut self,
         gpu: &Gpu,
@@ -362,7 +366,7 @@ fn to_clip_space(params: &FrameParams) -> Mat4 {
     clip.transpose().as_mat4()
 }
 
-// ---- Pictures drawn on a graphics card without a window or a display ---------------------------------
+// ---- Pictures drawn on a graphics card without a window or a display ----------------------------
 
 /// The format of pictures: four bytes per pixel, sRGB-encoded by the card.
 pub(crate) const FORMAT: TextureFormat = TextureFormat::Rgba8UnormSrgb;
@@ -376,21 +380,31 @@ pub struct Headless {
 }
 
 impl Headless {
-    /// Opens a card; needs no display. Errors: no matching card.
+    /// Opens a card; needs no display.
+    ///
+    /// # Errors
+    ///
+    /// No matching card.
     pub fn new(options: &AdapterOptions) -> Result<Self> {
         let gpu = Gpu::headless(options)?;
         let renderer = Renderer::new(&gpu)?;
         Ok(Self { gpu, renderer })
     }
 
-    /// Uploads an asset to GPU memory. Errors: the card has no room.
+    /// Uploads an asset to GPU memory.
+    ///
+    /// # Errors
+    ///
+    /// The card has no room.
     pub fn upload(&self, asset: &Asset) -> Result<Model> {
         Model::upload(&self.gpu, &self.renderer.texture_layout, asset)
     }
 
     /// The picture of `model`.
     ///
-    /// Errors: a picture larger than the card draws, no memory, the card is lost.
+    /// # Errors
+    ///
+    /// A picture larger than the card draws, no memory, the card is lost.
     pub fn render(&mut self, model: &Model, params: &FrameParams) -> Result<(RgbImage, DrawStats)> {
         params.camera.validate(&trisplat_scene::Limits::DEFAULT)?;
         if ![1, 4].contains(&params.msaa) {

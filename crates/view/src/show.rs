@@ -28,8 +28,8 @@ pub fn depth(frame: &Frame) -> RgbImage {
     })
 }
 
-/// Normals towards the camera: red to the right, green up, blue to the viewer; black for background.
-/// The frame must have been drawn with geometry.
+/// Normals towards the camera: red to the right, green up, blue to the viewer; black for
+/// background. The frame must have been drawn with geometry.
 pub fn normal(frame: &Frame) -> RgbImage {
     picture(frame, |i| {
         let [x, y, z] = frame.normal[i];

@@ -1,4 +1,5 @@
-//! Any bytes as a photo and as a mask: a picture of the size its header claims or one error, never a panic that reaches the caller.
+//! Any bytes as a photo and as a mask: a picture of the size its header claims or one error, never
+//! a panic that reaches the caller.
 #![no_main]
 
 #[allow(dead_code, reason = "shared with the tests of photos")]
@@ -11,7 +12,8 @@ use trisplat::Limits;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::input::is_guarded;
 
-/// As in the program, a panic of the decoder is an error of the photo: it does not end the fuzzer, whose hook is for all others.
+/// As in the program, a panic of the decoder is an error of the photo: it does not end the fuzzer,
+/// whose hook is for all others.
 fn spare_guarded() {
     let abort = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |info| {

@@ -1,5 +1,6 @@
-//! The paper's equations, brute force: every pixel tests every triangle, in absolute pixel coordinates, with
-//! outward edge normals and the true maximum. Shares no formula with the kernels; runs on f64 and dual numbers.
+//! The paper's equations, brute force: every pixel tests every triangle, in absolute pixel
+//! coordinates, with outward edge normals and the true maximum. Shares no formula with the kernels;
+//! runs on f64 and dual numbers.
 
 use crate::dual::Dual;
 use trisplat_scene::math::real::Real;
@@ -120,8 +121,8 @@ fn to_camera<R: Number>(camera: &OracleCamera, v: P3<R>) -> P3<R> {
     [0, 1, 2].map(|i| dot(camera.rotation[i].map(R::of), v) + R::of(camera.translation[i]))
 }
 
-/// Corners in front of the near plane, in order (Sutherland-Hodgman), starting with a corner of the triangle that
-/// follows the cut, if there is one.
+/// Corners in front of the near plane, in order (Sutherland-Hodgman), starting with a corner of the
+/// triangle that follows the cut, if there is one.
 fn clip<R: Number>(v: [P3<R>; 3], near: f64) -> Vec<P3<R>> {
     let mut out: Vec<(P3<R>, bool)> = Vec::new();
     for i in 0..3 {
@@ -358,7 +359,8 @@ fn layers<R: Number>(
         out.push(Layer { alpha, z, normal, piece: index });
     }
     if !rules.per_pixel {
-        // Depths that differ by less than 5e-6 may be taken in either order by single precision, equal ones go by their index.
+        // Depths that differ by less than 5e-6 may be taken in either order by single precision,
+        // equal ones go by their index.
         for pair in out.windows(2) {
             let gap =
                 pieces[pair[1].piece].depth.value() / pieces[pair[0].piece].depth.value() - 1.0;

@@ -1,9 +1,10 @@
 //! What the solid rasteriser may draw, by casting a ray through every sample in double precision.
 //!
-//! The two may differ only in a band that is stated here: corners are snapped to 1/256 of a sample, so a face is
-//! undecided within [`FaceAt::band`] of its edges, and so is the order of two faces whose 1/z differ by less than what
-//! that distance makes of them, and of the rounding of their corners' depths: those are sums of products of coordinates as large as
-//! the corners are far away, so the corners of a long sliver have less exact depths than its middle.
+//! The two may differ only in a band that is stated here: corners are snapped to 1/256 of a sample,
+//! so a face is undecided within [`FaceAt::band`] of its edges, and so is the order of two faces
+//! whose 1/z differ by less than what that distance makes of them, and of the rounding of their
+//! corners' depths: those are sums of products of coordinates as large as the corners are far away,
+//! so the corners of a long sliver have less exact depths than its middle.
 
 use glam::{DVec2, DVec3, Vec3};
 use trisplat_raster::solid::{NO_FACE, Visibility};
@@ -12,10 +13,11 @@ use trisplat_scene::mesh::Mesh;
 
 /// Snapping, in samples: half of 1/256 along both axes, and as much again for rounding.
 const SNAP: f64 = 1.0 / 256.0;
-/// Rounding of the projection in single precision, relative to the distance from the principal point.
+/// Rounding of the projection in single precision, relative to the distance from the principal
+/// point.
 const ROUNDING: f64 = 1e-6;
-/// Rounding of a corner's depth in single precision, relative to its distance from the camera: that of a difference, three products and
-/// their sum.
+/// Rounding of a corner's depth in single precision, relative to its distance from the camera: that
+/// of a difference, three products and their sum.
 const DEPTH_ROUNDING: f64 = 4e-7;
 /// Where corners are clipped in any case, samples: the guard band.
 const GUARD: f64 = 65_536.0;
@@ -115,8 +117,8 @@ impl FaceAt {
     }
 }
 
-/// Samples of a picture with one per pixel on which a face is shown that cannot be, or a face is missed that must hide
-/// what is shown.
+/// Samples of a picture with one per pixel on which a face is shown that cannot be, or a face is
+/// missed that must hide what is shown.
 pub fn wrong_samples(drawn: &Visibility, mesh: &Mesh, camera: &Camera, near: f64) -> usize {
     let faces: Vec<RayFace> =
         (0..mesh.face_count()).map(|f| RayFace::new(camera, 1, near, mesh.corners(f))).collect();

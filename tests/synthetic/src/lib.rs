@@ -39,8 +39,8 @@ pub struct SyntheticOptions {
     /// Show only the objects on the ground, in photos that are transparent around them.
     #[arg(long)]
     pub transparent: bool,
-    /// Disturb the photos as a phone does: varying exposure and white balance, darker corners, noise, and
-    /// poses half a pixel off. `truth.json` has the true values.
+    /// Disturb the photos as a phone does: varying exposure and white balance, darker corners,
+    /// noise, and poses half a pixel off. `truth.json` has the true values.
     #[arg(long, conflicts_with = "transparent")]
     pub phone: bool,
 }
@@ -60,8 +60,8 @@ const EDGE: f64 = 0.1;
 /// Standard deviation of a point's image positions, px.
 const OBSERVATION_NOISE_PX: f64 = 0.25;
 
-/// Writes the data set in COLMAP's layout: `images/view_0000.png`..., `sparse/0/*.txt`, and `test.txt`
-/// with every 8th photo. Other files in `folder` are left alone.
+/// Writes the data set in COLMAP's layout: `images/view_0000.png`..., `sparse/0/*.txt`, and
+/// `test.txt` with every 8th photo. Other files in `folder` are left alone.
 pub fn write(folder: &Path, options: &SyntheticOptions) -> Result<()> {
     write_poses(folder, options)?;
     let images = folder.join("images");
@@ -107,8 +107,8 @@ fn photo_name(index: u32) -> String {
     format!("view_{index:04}.png")
 }
 
-/// The camera of photo `index`. The photos go up a spiral, so that neighbours in number are neighbours
-/// in space; jitter keeps the poses from being regular.
+/// The camera of photo `index`. The photos go up a spiral, so that neighbours in number are
+/// neighbours in space; jitter keeps the poses from being regular.
 pub fn camera(options: &SyntheticOptions, index: u32) -> Camera {
     let lens = lens(options);
     let (rotation, translation) = pose(options, index);
@@ -121,8 +121,8 @@ pub fn camera(options: &SyntheticOptions, index: u32) -> Camera {
     }
 }
 
-/// A camera's view, averaged over every pixel's square: 16 rays where the colour is smooth, 256 at and beside
-/// edges.
+/// A camera's view, averaged over every pixel's square: 16 rays where the colour is smooth, 256 at
+/// and beside edges.
 pub fn render(camera: &Camera) -> Image {
     let rays = RayCamera::new(camera);
     let [width, height] = camera.size.to_array();
@@ -148,8 +148,8 @@ pub fn render(camera: &Camera) -> Image {
     Image { size: camera.size, pixels: parallel::collect(pixels, 1, pixel) }
 }
 
-/// A camera's view of only the objects: alpha is the share of 64 rays that hit one, and the colour is the
-/// mean of these rays.
+/// A camera's view of only the objects: alpha is the share of 64 rays that hit one, and the colour
+/// is the mean of these rays.
 pub fn render_things(camera: &Camera) -> RgbImage {
     let rays = RayCamera::new(camera);
     let width = camera.size.x;
@@ -167,7 +167,8 @@ pub fn render_things(camera: &Camera) -> RgbImage {
     RgbImage { size: camera.size, rgb, alpha: Some(alpha) }
 }
 
-/// What a camera at the place of `camera` sees through `lens`, 16 rays a pixel; black where the lens shows nothing.
+/// What a camera at the place of `camera` sees through `lens`, 16 rays a pixel; black where the
+/// lens shows nothing.
 pub fn render_lens(camera: &Camera, lens: &Lens) -> RgbImage {
     let rays = RayCamera::new(camera);
     let pixel = |i: usize| {
@@ -189,7 +190,8 @@ pub fn render_lens(camera: &Camera, lens: &Lens) -> RgbImage {
     }
 }
 
-/// [`write()`], with photos of `lens`, a camera model of COLMAP, that `draw` makes of a lens and a pose.
+/// [`write()`], with photos of `lens`, a camera model of COLMAP, that `draw` makes of a lens and a
+/// pose.
 pub fn write_lens(
     folder: &Path,
     options: &SyntheticOptions,
@@ -242,8 +244,9 @@ impl RayCamera {
         trace(Ray { origin: self.position, direction })
     }
 
-    /// Mean colour of `grid`² rays through a pixel. The grid is sheared both ways, so that no two rays
-    /// share a row or a column: an upright edge is then resolved to 1/grid² of a pixel, not to 1/grid.
+    /// Mean colour of `grid`² rays through a pixel. The grid is sheared both ways, so that no two
+    /// rays share a row or a column: an upright edge is then resolved to 1/grid² of a pixel, not to
+    /// 1/grid.
     fn average(&self, x: u32, y: u32, grid: u32) -> Average {
         let mut sum = DVec3::ZERO;
         let mut low = DVec3::ONE;
@@ -356,7 +359,8 @@ fn track(options: &SyntheticOptions, lens: &Lens, images: &[ImageRow], id: u32) 
             let place = lens.project(v.truncate() / v.z);
             let eye = -(image.rotation.transpose() * image.translation);
             let inside = v.z > 0.0 && place.cmpge(DVec2::ZERO).all() && place.cmplt(size).all();
-            // Slightly towards the eye, so that rounding does not hide the point behind its own surface.
+            // Slightly towards the eye, so that rounding does not hide the point behind its own
+            // surface.
             if inside && visible(position.lerp(eye, 1e-4), eye) {
                 let noise = Rng::new(options.seed, "sighting", u64::from(id));
                 let noise = |axis| f64::from(noise.normal(2 * at as u64 + axis));

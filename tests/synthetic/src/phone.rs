@@ -1,5 +1,5 @@
-//! Simulates a phone's photos with known parameters: automatic exposure and white balance, darker corners,
-//! noise, and poses with errors of half a pixel.
+//! Simulates a phone's photos with known parameters: automatic exposure and white balance, darker
+//! corners, noise, and poses with errors of half a pixel.
 
 use glam::{DMat3, DQuat, DVec3, Vec2};
 use serde::{Deserialize, Serialize};
@@ -21,9 +21,11 @@ const EXPOSURE_WAVE: f64 = 0.35;
 const BALANCE: f64 = 0.06;
 /// Loss of light in the corners, as a logarithm.
 const FALLOFF: f64 = 0.4;
-/// Standard deviation of the noise in linear light: a constant part, and one that grows with the root of the light.
+/// Standard deviation of the noise in linear light: a constant part, and one that grows with the
+/// root of the light.
 const NOISE: [f32; 2] = [0.002, 0.015];
-/// Standard deviation of a pose's error along each axis of the photo, px: for rotation and for position.
+/// Standard deviation of a pose's error along each axis of the photo, px: for rotation and for
+/// position.
 const POSE_PX: f64 = 0.25;
 /// Viewing distance of the cameras.
 const DISTANCE: f64 = 4.0;
@@ -31,8 +33,8 @@ const DISTANCE: f64 = 4.0;
 /// The true parameters of a data set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PhoneTruth {
-    /// Loss of light in the corners of every photo, as a logarithm; it grows with the square of the distance
-    /// from the middle.
+    /// Loss of light in the corners of every photo, as a logarithm; it grows with the square of the
+    /// distance from the middle.
     pub falloff: f64,
     /// Photo by photo.
     pub photos: Vec<PhotoTruth>,

@@ -1,5 +1,5 @@
-//! A small outdoor scene with a known answer at every ray: checkered floor, balls, a box, a card, thin
-//! poles, a sky. World axes as COLMAP usually has them: -Y is up. Colours are sRGB-encoded.
+//! A small outdoor scene with a known answer at every ray: checkered floor, balls, a box, a card,
+//! thin poles, a sky. World axes as COLMAP usually has them: -Y is up. Colours are sRGB-encoded.
 
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
@@ -82,7 +82,8 @@ struct Object {
     gloss: f64,
 }
 
-/// Distance, outward normal and surface coordinates; those of a ball follow from the normal (see [`around`]).
+/// Distance, outward normal and surface coordinates; those of a ball follow from the normal (see
+/// [`around`]).
 type Intersection = (f64, DVec3, DVec2);
 
 /// Half the side of the checkered floor; sand lies around it.
@@ -93,8 +94,8 @@ const SUN: DVec3 = DVec3::new(0.48, -0.8, -0.36);
 /// Light that reaches shadows, of 1.
 const AMBIENT: f64 = 0.5;
 
-/// The appearance of the nearest object on a ray. A ray that starts between ground and sky always hits one of
-/// them.
+/// The appearance of the nearest object on a ray. A ray that starts between ground and sky always
+/// hits one of them.
 pub fn trace(ray: Ray) -> Option<SurfaceHit> {
     let (object, (distance, outward, uv)) = nearest(ray)?;
     let position = ray.origin + ray.direction * distance;

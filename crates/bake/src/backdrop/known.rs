@@ -10,7 +10,8 @@ use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{Result, parallel};
 
-/// Pixels with less than this weight, of 255, are not taken: masked, or with gaps in a drawn picture.
+/// Pixels with less than this weight, of 255, are not taken: masked, or with gaps in a drawn
+/// picture.
 const LEAST_ALPHA: u8 = 230;
 /// Photos agree when no channel is farther than this from the median, codes.
 const AGREE: i32 = 80;
@@ -35,7 +36,9 @@ impl KnownColors {
 
     /// What `views` show of `mesh` behind its first faces, whose corners are at `uvs`.
     ///
-    /// Errors: a photo that cannot be decoded.
+    /// # Errors
+    ///
+    /// A photo that cannot be decoded.
     pub(super) fn of_photos(
         mesh: &Mesh,
         behind: usize,
@@ -67,7 +70,8 @@ impl KnownColors {
         for of_texel in seen.chunk_by(|a, b| texel(*a) == texel(*b)) {
             let inner: Vec<[u8; 3]> =
                 of_texel.iter().filter(|one| !is_rim(**one)).map(|one| rgb(*one)).collect();
-            // Pixels beside the scene show some of it, or what stands in a hole: only where there are no others.
+            // Pixels beside the scene show some of it, or what stands in a hole: only where there
+            // are no others.
             let colors = match inner.is_empty() {
                 true => of_texel.iter().map(|one| rgb(*one)).collect(),
                 false => inner,
@@ -231,14 +235,15 @@ impl VisiblePhoto<'_> {
     }
 }
 
-// ---- Directions that nobody looked at -------------------------------------------------------------
+// ---- Directions that nobody looked at -----------------------------------------------------------
 
 /// Rounds at each size.
 const ROUNDS: usize = 16;
 /// Rows of the coarsest picture.
 const LEAST_ROWS: usize = 8;
 
-/// The whole picture, sRGB-encoded, 0 to 255. `known` has twice as many columns as rows, a power of two. `[H * W]`
+/// The whole picture, sRGB-encoded, 0 to 255. `known` has twice as many columns as rows, a power of
+/// two. `[H * W]`
 pub(super) fn fill(known: KnownColors) -> Vec<[f32; 3]> {
     let mut sizes = vec![known];
     while let Some(finest) = sizes.last().filter(|known| known.rows > LEAST_ROWS) {

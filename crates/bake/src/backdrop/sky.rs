@@ -1,7 +1,8 @@
 //! The surroundings as a panorama for the sky of an engine, in place of a backdrop.
 //!
-//! A smooth `surface` stands where the shell of a training is, or behind everything. Its picture has the colours that photos agree on (`known`),
-//! and continues them where nobody looked (`fill`). Without photos or pictures of a soft scene it has the shell's colours, blurred.
+//! A smooth `surface` stands where the shell of a training is, or behind everything. Its picture
+//! has the colours that photos agree on (`known`), and continues them where nobody looked (`fill`).
+//! Without photos or pictures of a soft scene it has the shell's colours, blurred.
 
 use super::known::{KnownColors, fill};
 use super::surface::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR, direction, place, surface};
@@ -25,7 +26,8 @@ const OF_SPHERE: u32 = 4;
 const TEXELS_PER_PIXEL: f64 = 0.5;
 /// Fewest and most rows of the picture.
 const ROWS: [u32; 2] = [256, 1024];
-/// How far a shell's own colours are blurred where no picture looks, in heights of the picture: so far that its facets do not show.
+/// How far a shell's own colours are blurred where no picture looks, in heights of the picture: so
+/// far that its facets do not show.
 const BLUR: f32 = 0.1;
 
 /// The panorama of a bake that is asked for one, in the frame of the cameras.
@@ -33,9 +35,12 @@ const BLUR: f32 = 0.1;
 pub(crate) struct Sky(Option<RgbImage>);
 
 impl Sky {
-    /// What stands behind `mesh`, a scene without its `shell`: what `views` show of it, or the shell's colours. Nothing of an object.
+    /// What stands behind `mesh`, a scene without its `shell`: what `views` show of it, or the
+    /// shell's colours. Nothing of an object.
     ///
-    /// Errors: a photo that cannot be decoded; more vertices than 32 bits count.
+    /// # Errors
+    ///
+    /// A photo that cannot be decoded; more vertices than 32 bits count.
     pub(crate) fn behind(
         mesh: &Mesh,
         shell: Option<&Mesh>,
@@ -107,7 +112,8 @@ fn rows(views: &Views) -> u32 {
     ((per_radian * std::f64::consts::PI) as u32).next_power_of_two().clamp(ROWS[0], ROWS[1])
 }
 
-/// Gives `asset` the panorama in place of its backdrop, also in its levels. Returns whether there is one.
+/// Gives `asset` the panorama in place of its backdrop, also in its levels. Returns whether there
+/// is one.
 pub(crate) fn take_sky(asset: &mut Asset, sky: Sky, placement: &Placement) -> bool {
     if let Some((scene, _)) = asset.apart() {
         asset.mesh = scene.mesh;
@@ -123,7 +129,7 @@ pub(crate) fn take_sky(asset: &mut Asset, sky: Sky, placement: &Placement) -> bo
     asset.sky.is_some()
 }
 
-// ---- A picture of everything around a place, as engines take it for their sky: equirectangular -------
+// ---- A picture of everything around a place, as engines take it for their sky: equirectangular
 
 /// Samples per pixel along each axis.
 const SAMPLES: u32 = 2;
@@ -198,7 +204,8 @@ fn sampled(picture: &RgbImage, camera: &Camera, direction: Vec3) -> [u8; 3] {
     )
 }
 
-/// The colour between four pixels, left and right above and left and right below, `part` of the way from the first.
+/// The colour between four pixels, left and right above and left and right below, `part` of the way
+/// from the first.
 fn mixed(picture: &RgbImage, corners: [(u32, u32); 4], part: Vec2) -> [u8; 3] {
     let pixel = |x: u32, y: u32| picture.rgb[(y * picture.size.x + x) as usize].map(f32::from);
     let [a, b, c, d] = corners.map(|(x, y)| pixel(x, y));
@@ -210,22 +217,24 @@ fn mixed(picture: &RgbImage, corners: [(u32, u32); 4], part: Vec2) -> [u8; 3] {
     [mix(0), mix(1), mix(2)].map(|code| (code + 0.5) as u8)
 }
 
-// ---- One closed surface in place of a shell of shards ---------------------------------------------
+// ---- One closed surface in place of a shell of shards -------------------------------------------
 
 /// Shells of more triangles show more detail than the surface would.
 const MOST_FACES: usize = 8192;
 /// Rows of the picture of the shell for each face around the surface.
 const ROWS_PER_FACE: u32 = 4;
 
-/// Whether the faces of `shell` hardly touch: a closed surface has half as many vertices as faces, separate faces have three times as many.
+/// Whether the faces of `shell` hardly touch: a closed surface has half as many vertices as faces,
+/// separate faces have three times as many.
 pub(crate) fn is_scattered(shell: &Mesh) -> bool {
     let places: HashSet<[u32; 3]> =
         shell.positions.iter().map(|place| place_bits(*place)).collect();
     shell.face_count() <= MOST_FACES && places.len() > shell.face_count()
 }
 
-/// A surface around `center` where `shell` is, but nowhere nearer than `least`, in the colours that the shell shows there, of at most `most`
-/// triangles; `None` where that is too few to close anything.
+/// A surface around `center` where `shell` is, but nowhere nearer than `least`, in the colours that
+/// the shell shows there, of at most `most` triangles; `None` where that is too few to close
+/// anything.
 pub(crate) fn closed(shell: &Mesh, center: Vec3, least: f32, most: u64) -> Option<Mesh> {
     let enough = |s: &u32| face_count(*s) >= shell.face_count() as u64;
     let enough = (2..MOST_SUBDIVISIONS).find(enough).unwrap_or(MOST_SUBDIVISIONS);
@@ -246,7 +255,8 @@ pub(crate) fn closed(shell: &Mesh, center: Vec3, least: f32, most: u64) -> Optio
 mod tests {
     use super::*;
 
-    /// Faces of a sphere, each turned a little about its middle and larger: they overlap and touch nowhere.
+    /// Faces of a sphere, each turned a little about its middle and larger: they overlap and touch
+    /// nowhere.
     fn scattered() -> Mesh {
         let (mut mesh, _) = surface(Vec3::ZERO, 2, None, 10.0);
         for face in 0..mesh.face_count() {

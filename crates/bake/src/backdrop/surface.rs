@@ -1,6 +1,8 @@
-//! The closed surface behind a scene, as seen from a middle, and its places on an equirectangular picture.
+//! The closed surface behind a scene, as seen from a middle, and its places on an equirectangular
+//! picture.
 //!
-//! It lies where the shell of a training is, which stands where walls are; without one, behind everything.
+//! It lies where the shell of a training is, which stands where walls are; without one, behind
+//! everything.
 
 use glam::{Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
@@ -14,8 +16,8 @@ const ROUNDS: usize = 200;
 /// Weight of the shell's distance in a direction, against that of one neighbour's.
 const OF_SHELL: f32 = 6.0;
 
-/// The direction of a place of the picture: (0, 0) is its upper left corner, (1, 1) its lower right one. The first column is -X, a quarter of the
-/// way is -Z, the middle is +X, as three.js has it.
+/// The direction of a place of the picture: (0, 0) is its upper left corner, (1, 1) its lower right
+/// one. The first column is -X, a quarter of the way is -Z, the middle is +X, as three.js has it.
 pub(super) fn direction(place: Vec2) -> Vec3 {
     let (sine, cosine) = libm::sincos((f64::from(place.x) - 0.5) * TAU);
     let (across, up) = libm::sincos(f64::from(place.y) * PI);
@@ -29,7 +31,8 @@ pub(super) fn place(direction: Vec3) -> Vec2 {
     Vec2::new(turn as f32, (libm::acos(y.clamp(-1.0, 1.0)) / PI) as f32)
 }
 
-/// The surface around `center` where `shell` is, but at least `least` away, with the places of its corners; fronts are inside. `[F]`
+/// The surface around `center` where `shell` is, but at least `least` away, with the places of its
+/// corners; fronts are inside. `[F]`
 pub(super) fn surface(
     center: Vec3,
     subdivisions: u32,
@@ -70,7 +73,8 @@ fn farthest(shell: &Mesh, center: Vec3, way: Vec3) -> Option<f32> {
     hits.reduce(f32::max)
 }
 
-/// The distance of each corner of a sphere: about `known` where it is, else between its neighbours'. `[V]`
+/// The distance of each corner of a sphere: about `known` where it is, else between its
+/// neighbours'. `[V]`
 fn distances(
     corners: &[Vec3],
     faces: &[[u32; 3]],
@@ -98,10 +102,10 @@ fn distances(
     logs.into_iter().map(f32::exp).collect()
 }
 
-// ---- What a backdrop and a sky have in common --------------------------------------------------------
+// ---- What a backdrop and a sky have in common ---------------------------------------------------
 
-/// Below this covered share of a picture, or unmasked share of a photo, the scene is an object without
-/// background.
+/// Below this covered share of a picture, or unmasked share of a photo, the scene is an object
+/// without background.
 pub(super) const LEAST_COVERED: f64 = 0.8;
 /// Radius of the sphere as a multiple of the distance of the farthest vertex or camera.
 pub(super) const RADIUS_FACTOR: f32 = 1.2;

@@ -5,8 +5,8 @@ use trisplat_scene::Chunk;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
 
-/// Cuts the first `faces` into runs of at most `limit`. Returns the order of faces and the runs in that
-/// order; within a run, faces keep their order.
+/// Cuts the first `faces` into runs of at most `limit`. Returns the order of faces and the runs in
+/// that order; within a run, faces keep their order.
 ///
 /// Top-down, each time at the plane (or size) where the two sides cost least:
 ///
@@ -14,9 +14,9 @@ use trisplat_scene::parallel::{self, GRAIN};
 /// cost = area(left) * chunks(left) + area(right) * chunks(right),   chunks(n) = ceil(n / limit)
 /// ```
 ///
-/// that is the surface area heuristic (MacDonald and Booth 1990), counting whole chunks, because an engine
-/// draws or culls these. A cut along the fourth axis, size, separates triangles that are large for their
-/// neighbourhood, so that the rest is compact.
+/// that is the surface area heuristic (MacDonald and Booth 1990), counting whole chunks, because an
+/// engine draws or culls these. A cut along the fourth axis, size, separates triangles that are
+/// large for their neighbourhood, so that the rest is compact.
 pub(crate) fn cut(mesh: &Mesh, faces: usize, limit: usize) -> (Vec<u32>, Vec<Chunk>) {
     let parts = match faces > TREE_SAMPLE {
         true => Tree::new(mesh, faces, limit).parts(mesh, faces),
@@ -41,8 +41,8 @@ pub(crate) fn cut(mesh: &Mesh, faces: usize, limit: usize) -> (Vec<u32>, Vec<Chu
     (parts.into_iter().flat_map(|(_, part)| part).collect(), chunks)
 }
 
-/// Cuts chosen by a sample of the faces, for scenes of more faces than that: then each face is looked at once, not
-/// once per level.
+/// Cuts chosen by a sample of the faces, for scenes of more faces than that: then each face is
+/// looked at once, not once per level.
 struct Tree {
     nodes: Vec<Node>,
     depth: usize,
@@ -61,7 +61,8 @@ struct Node {
 
 /// Faces that the tree is chosen by, evenly picked.
 const TREE_SAMPLE: usize = 1 << 17;
-/// By the sample a part holds at most this share of a chunk, so that hardly any turns out too large.
+/// By the sample a part holds at most this share of a chunk, so that hardly any turns out too
+/// large.
 const TREE_FILL: f64 = 0.95;
 /// Items that go down the tree at once.
 const ABREAST: usize = 8;
@@ -77,7 +78,8 @@ impl Tree {
         tree
     }
 
-    /// Adds the nodes of a sample; returns the first one's number. Each item stands for `weight` faces.
+    /// Adds the nodes of a sample; returns the first one's number. Each item stands for `weight`
+    /// faces.
     fn grow(&mut self, sample: &mut [Item], weight: usize, limit: usize, depth: usize) -> u32 {
         let at = self.nodes.len() as u32;
         self.depth = self.depth.max(depth);
@@ -94,8 +96,8 @@ impl Tree {
         at
     }
 
-    /// The parts that items at these places are in. Every item takes as many steps, several at once: a single one
-    /// would wait for the memory and the comparison of each.
+    /// The parts that items at these places are in. Every item takes as many steps, several at
+    /// once: a single one would wait for the memory and the comparison of each.
     fn parts_of(&self, places: [[f32; 4]; ABREAST]) -> [u32; ABREAST] {
         let mut at = [0; ABREAST];
         for _ in 0..self.depth {
@@ -254,7 +256,8 @@ impl BinBox {
     }
 }
 
-/// The cheapest cut with something on both sides, if there is one; each item stands for `weight` faces.
+/// The cheapest cut with something on both sides, if there is one; each item stands for `weight`
+/// faces.
 fn best_cut(items: &[Item], weight: usize, limit: usize) -> Option<Cut> {
     let step = items.len().div_ceil(SAMPLE);
     let grid = BinGrid::around(items.iter().step_by(step));
@@ -273,8 +276,8 @@ fn best_cut(items: &[Item], weight: usize, limit: usize) -> Option<Cut> {
         for bin in 0..BINS - 1 {
             left = left.union(bins[bin]);
             let right = from_right[bin + 1];
-            // Every chunk costs an engine a draw, so slices come last. Boxes without area all cost nothing,
-            // so ties go to the most even cut.
+            // Every chunk costs an engine a draw, so slices come last. Boxes without area all cost
+            // nothing, so ties go to the most even cut.
             let slice = left.count.min(right.count) < few;
             let cost =
                 (slice, left.cost(limit) + right.cost(limit), left.count.abs_diff(right.count));

@@ -1,8 +1,9 @@
 //! The object that cameras look at together, with what it stands on near it.
 //!
-//! In the smallest ball around the point that cameras look at in which something is whole: the lowest layer with much area that they see is
-//! its support, such as a table, or a wall. What is connected above it around the middle is the object; what is beside, behind and below is
-//! left out, except the support within a hand's breadth, cut along a polygon.
+//! In the smallest ball around the point that cameras look at in which something is whole: the
+//! lowest layer with much area that they see is its support, such as a table, or a wall. What is
+//! connected above it around the middle is the object; what is beside, behind and below is left
+//! out, except the support within a hand's breadth, cut along a polygon.
 
 use super::volume::{Frame, Outline, Piece, REACH, SubjectVolume, Support};
 use crate::place::ground::Foreground;
@@ -57,8 +58,8 @@ const CORE: f32 = 0.6;
 /// Parts with less than this share of the object's area are crumbs.
 const CRUMB: f32 = 0.05;
 
-/// Which triangles of `scene` are the subject, and the space they take; `None` when nothing stands out. `up` is that of its file, if it
-/// names one.
+/// Which triangles of `scene` are the subject, and the space they take; `None` when nothing stands
+/// out. `up` is that of its file, if it names one.
 pub(super) fn subject(
     scene: &Scene,
     cameras: &[Camera],
@@ -125,7 +126,8 @@ fn find(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> Option<Standin
     reached.or_else(|| middle.map(Standing::cut))
 }
 
-/// Balls around the point that `cameras` look at: from a quarter of the width of most pictures there to half of their height.
+/// Balls around the point that `cameras` look at: from a quarter of the width of most pictures
+/// there to half of their height.
 fn looked_at(cameras: &[Camera]) -> Vec<Subject> {
     let Some(center) = camera::focus(cameras.iter()) else { return Vec::new() };
     let size = |side: fn(Vec2) -> f32| {
@@ -141,7 +143,8 @@ fn looked_at(cameras: &[Camera]) -> Vec<Subject> {
     radii.take_while(|radius| 0.0 < *radius && *radius <= most).map(ball).collect()
 }
 
-/// The area of each face that some of `cameras` see, times their number; all of it without cameras. `[F]`
+/// The area of each face that some of `cameras` see, times their number; all of it without cameras.
+/// `[F]`
 fn seen(mesh: &Mesh, cameras: &[Camera], ball: Subject) -> Vec<f32> {
     let mut areas = vec![0.0; mesh.face_count()];
     let mut solid = SolidRasterizer::new();
@@ -161,7 +164,8 @@ fn seen(mesh: &Mesh, cameras: &[Camera], ball: Subject) -> Vec<f32> {
     areas
 }
 
-/// The directions in which a subject may stand out: up from a table, then from a wall that faces the cameras.
+/// The directions in which a subject may stand out: up from a table, then from a wall that faces
+/// the cameras.
 fn ways(mesh: &Mesh, cameras: &[Camera], known: Option<UpAxis>) -> Vec<DVec3> {
     let scene = Foreground::new(mesh, 0);
     let evidence = Evidence { cameras, points: &[] };

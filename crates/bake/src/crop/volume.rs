@@ -8,14 +8,16 @@ use trisplat_scene::math::lists::median;
 
 /// What is farther from the middle than this many radii of the subject's ball is not looked at.
 pub(super) const REACH: f32 = 1.6;
-/// Longest side of a triangle that is in the cells of its corners too, in radii: longer ones reach from one thing to another.
+/// Longest side of a triangle that is in the cells of its corners too, in radii: longer ones reach
+/// from one thing to another.
 const JOINED: f32 = 0.5;
 /// A hand's breadth, in radii of the object.
 const HAND: f32 = 0.12;
 /// Share of the object that is within each of its sides: some triangles lie astray.
 const WITHIN: f32 = 0.99;
 
-/// A triangle, in heights and places on the ground around the middle of the subject's ball, whose radius is 1.
+/// A triangle, in heights and places on the ground around the middle of the subject's ball, whose
+/// radius is 1.
 #[derive(Clone, Copy)]
 pub(super) struct Piece {
     pub(super) number: usize,
@@ -91,7 +93,8 @@ impl SubjectVolume {
         Some(f64::from(ball.radius * outline.radius() / away))
     }
 
-    /// Which faces of a surface are within it, `corners` of the i-th; the support ends at its last whole ring. `[F]`
+    /// Which faces of a surface are within it, `corners` of the i-th; the support ends at its last
+    /// whole ring. `[F]`
     pub(crate) fn faces(&self, count: usize, corners: impl Fn(usize) -> [Vec3; 3]) -> Vec<bool> {
         let within = |face: usize| {
             let piece = self.frame.piece(face, corners(face), 0.0)?;
@@ -108,11 +111,13 @@ impl SubjectVolume {
         keep
     }
 
-    /// The parts of a triangle that are within it: cut where it reaches over the edge, none where all of it is outside.
+    /// The parts of a triangle that are within it: cut where it reaches over the edge, none where
+    /// all of it is outside.
     pub(super) fn parts(&self, corners: [Vec3; 3]) -> Vec<[Vec3; 3]> {
         let Some(piece) = self.frame.piece(0, corners, 0.0) else { return Vec::new() };
         let edge = if self.is_level(&piece) { self.edge } else { 1.0 };
-        // Without a support the thing ends where it stood: what reached into the support would hang below it.
+        // Without a support the thing ends where it stood: what reached into the support would hang
+        // below it.
         let kept = self.edge > 0.0;
         let low =
             self.support.filter(|_| !kept).map_or_else(|| self.low(), |support| support.height);
@@ -140,7 +145,8 @@ impl SubjectVolume {
         self.support.is_some_and(|support| support.holds(piece))
     }
 
-    /// How far from the middle, as a share of the outline, most of what `pieces` cover is there; 0 where that is little.
+    /// How far from the middle, as a share of the outline, most of what `pieces` cover is there; 0
+    /// where that is little.
     pub(super) fn edge_of<'a>(&self, pieces: impl Iterator<Item = &'a Piece>) -> f32 {
         let mut sums = [0.0, 0.0];
         let is_there = self.rings(pieces).map(|ring| {
@@ -240,8 +246,8 @@ impl Frame {
     }
 }
 
-/// A polygon on the ground around an object and a hand's breadth, up to its top: a hull, as a circle would leave viewers that frame the file
-/// less of the object.
+/// A polygon on the ground around an object and a hand's breadth, up to its top: a hull, as a
+/// circle would leave viewers that frame the file less of the object.
 pub(super) struct Outline {
     center: Vec2,
     /// The directions of its sides, and how far from the center they are.

@@ -1,7 +1,8 @@
 //! Compares variants of a scene with the whole scene, face by face.
 //!
-//! A camera draws a scene once, with a z-buffer for each group of faces. The nearest face among some groups
-//! gives the picture of a scene with only those groups. So one drawing shows the scene and all its variants.
+//! A camera draws a scene once, with a z-buffer for each group of faces. The nearest face among
+//! some groups gives the picture of a scene with only those groups. So one drawing shows the scene
+//! and all its variants.
 
 use crate::trial::{GROUPS, group_of};
 use crate::views;
@@ -18,8 +19,8 @@ use trisplat_scene::parallel::{self, GRAIN};
 const SAMPLES: u32 = 1;
 /// Longest side of the pictures, px: finer detail does not matter here.
 const LONGEST_SIDE: u32 = 960;
-/// A picture is halved while it has this many pixels per face: fewer lose up to 0.1 dB, more gain nothing
-/// (commit 751a9c64).
+/// A picture is halved while it has this many pixels per face: fewer lose up to 0.1 dB, more gain
+/// nothing (commit 751a9c64).
 const PX_PER_FACE: f64 = 6.0;
 /// Least of their longest side, px.
 const SHORTEST_SIDE: u32 = 32;
@@ -27,9 +28,11 @@ const SHORTEST_SIDE: u32 = 32;
 const GROUPING: &str = "thin";
 /// The squared difference between a face and none, sRGB-encoded and summed over channels.
 const HOLE_ERROR: f32 = 0.75;
-/// A face's mean effect per sample is estimated with this many additional samples of average effect.
+/// A face's mean effect per sample is estimated with this many additional samples of average
+/// effect.
 const PRIOR_SAMPLES: f64 = 2.0;
-/// Most memory for pictures of the whole scene, bytes; pictures that do not fit are drawn again every round.
+/// Most memory for pictures of the whole scene, bytes; pictures that do not fit are drawn again
+/// every round.
 const MOST_TARGET_BYTES: usize = 256 << 20;
 
 /// The whole scene, and how it is rendered.
@@ -42,7 +45,8 @@ pub(super) struct Comparison<'a> {
     halvings: u32,
     drawing: SolidRasterOptions,
     solid: SolidRasterizer,
-    /// The visible faces of the whole scene for each camera that was used, if they fit in memory. `[cameras]`
+    /// The visible faces of the whole scene for each camera that was used, if they fit in memory.
+    /// `[cameras]`
     targets: Vec<Option<Vec<u32>>>,
 }
 
@@ -86,8 +90,8 @@ impl<'a> Comparison<'a> {
             error_change: sum.error_change + e.error_change,
             samples: sum.samples + e.samples,
         });
-        // Only some cameras were used: the importance to the others is in proportion to the face's visible
-        // area there.
+        // Only some cameras were used: the importance to the others is in proportion to the face's
+        // visible area there.
         let average = sum.error_change / sum.samples.max(1.0);
         let importance = |(e, face): (&Effect, &u32)| {
             f64::from(visible_px[*face as usize]) * (e.error_change + PRIOR_SAMPLES * average)
@@ -118,7 +122,8 @@ impl<'a> Comparison<'a> {
         sums.into_effects()
     }
 
-    /// The flags of faces that are drawn from their front only; empty where all are drawn from both sides. `[kept]`
+    /// The flags of faces that are drawn from their front only; empty where all are drawn from both
+    /// sides. `[kept]`
     fn single_sided(&self, kept: &[u32]) -> Vec<bool> {
         let is_mixed = !self.whole.single_sided.is_empty();
         kept.iter()
@@ -127,8 +132,8 @@ impl<'a> Comparison<'a> {
             .collect()
     }
 
-    /// The effect of moving the corners of a face of the scene `kept` from `corners` to `moved`, while a quarter of the others is moved as
-    /// well. `[kept]`
+    /// The effect of moving the corners of a face of the scene `kept` from `corners` to `moved`,
+    /// while a quarter of the others is moved as well. `[kept]`
     pub(super) fn effects_of_moving(
         &mut self,
         kept: &[u32],
@@ -188,8 +193,8 @@ impl<'a> Comparison<'a> {
         camera.within((side.round() as u32).max(SHORTEST_SIDE))
     }
 
-    /// Draws `scene` from the cameras of a round with a z-buffer per plane, and calls `on_sample` with every
-    /// sample and the colour of the whole scene there.
+    /// Draws `scene` from the cameras of a round with a z-buffer per plane, and calls `on_sample`
+    /// with every sample and the colour of the whole scene there.
     fn draw_round(
         &mut self,
         round: Round,
@@ -253,9 +258,10 @@ impl Target<'_> {
     }
 }
 
-// ---- The effect of changing single faces on the error of a scene, summed from many threads -----------
+// ---- The effect of changing single faces on the error of a scene, summed from many threads ------
 
-/// Units per squared difference in integer sums. Integers, because their sums do not depend on the order.
+/// Units per squared difference in integer sums. Integers, because their sums do not depend on the
+/// order.
 const UNITS: f64 = (1u64 << 32) as f64;
 
 /// What changing one face does.

@@ -8,16 +8,16 @@ use trisplat_scene::mesh::Mesh;
 
 /// Thickness of a layer as a share of the region's radius.
 const LAYER: f64 = 0.02;
-/// The ground is the lowest layer with at least this share of the largest layer's area. A floor beside a
-/// larger table counts, stray triangles below it do not.
+/// The ground is the lowest layer with at least this share of the largest layer's area. A floor
+/// beside a larger table counts, stray triangles below it do not.
 const LEAST_OF_LARGEST: f64 = 0.25;
 /// Most of a subject's area that lies below what it stands on: a few triangles are astray.
 const MOST_BELOW: f64 = 0.02;
 /// A floor is above its lower end by less than this share of its height.
 const MOST_ABOVE: f64 = 0.05;
 
-/// The height along `up` of a scene's floor, its lowest large layer of triangles. `None` for a scene without
-/// extent.
+/// The height along `up` of a scene's floor, its lowest large layer of triangles. `None` for a
+/// scene without extent.
 pub(crate) fn ground(scene: Foreground, cameras: &[Camera], up: DVec3) -> Option<f64> {
     let region = region(scene, cameras)?;
     let faces = faces(scene, &region);
@@ -33,8 +33,9 @@ pub(crate) fn ground(scene: Foreground, cameras: &[Camera], up: DVec3) -> Option
     near.max_by(|a, b| a.area.total_cmp(&b.area)).map(|layer| layer.height)
 }
 
-/// The height along `up` of what a subject stands on: the floor that `ground` found, unless the subject reaches far below. Where its support
-/// was not kept, the lowest large layer may be its top. `None` for a scene without extent.
+/// The height along `up` of what a subject stands on: the floor that `ground` found, unless the
+/// subject reaches far below. Where its support was not kept, the lowest large layer may be its
+/// top. `None` for a scene without extent.
 pub(crate) fn under(scene: Foreground, ground: Option<f64>, up: DVec3) -> Option<f64> {
     let mut heights = lowest_corners(scene, up);
     heights.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -75,7 +76,7 @@ fn layers(heights: &[(f64, f64)], thickness: f64) -> Vec<Layer> {
     layers
 }
 
-// ---- Samples around the middle of a scene, for finding surfaces there --------------------------------
+// ---- Samples around the middle of a scene, for finding surfaces there ---------------------------
 
 /// Most triangles that are sampled.
 const MOST: usize = 20_000;
@@ -83,8 +84,8 @@ const MOST: usize = 20_000;
 const REACH: f64 = 2.0;
 /// Share of the triangles in the region of a scene without cameras.
 const MOST_OF_IT: f64 = 0.9;
-/// Largest side of a triangle that counts, as a share of the region's radius, so that a few huge triangles
-/// are no floor.
+/// Largest side of a triangle that counts, as a share of the region's radius, so that a few huge
+/// triangles are no floor.
 const MOST_SIDE: f64 = 0.05;
 
 /// The middle of a scene.
@@ -92,8 +93,8 @@ const MOST_SIDE: f64 = 0.05;
 pub(crate) struct Region {
     /// The point that the cameras look at, or the median of the triangles.
     pub center: DVec3,
-    /// Median distance of the cameras from there; without cameras, half of the distance within which most
-    /// triangles lie.
+    /// Median distance of the cameras from there; without cameras, half of the distance within
+    /// which most triangles lie.
     pub radius: f64,
 }
 

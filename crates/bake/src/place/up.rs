@@ -1,4 +1,5 @@
-//! The up direction, from the rows of the photos, which people hold level, and the largest level surface.
+//! The up direction, from the rows of the photos, which people hold level, and the largest level
+//! surface.
 
 use super::ground::{self, Foreground, Sample};
 use glam::{DMat3, DVec3, Vec3};
@@ -15,7 +16,8 @@ const TRIES: u64 = 512;
 const MOST_TILT: f64 = 0.34;
 /// Passes of the refinement.
 const PASSES: usize = 12;
-/// Below this spread, the variance of level directions across each other, cameras leave one direction open.
+/// Below this spread, the variance of level directions across each other, cameras leave one
+/// direction open.
 const LEAST_SPREAD: f64 = 1e-3;
 /// The same holds above this ratio of tilt to spread (tangent of 15°).
 const MOST_SLACK: f64 = 0.27;
@@ -33,10 +35,11 @@ const NARROWEST_CONE: f64 = 5.0;
 const THICKNESS: f64 = 0.01;
 /// Share of the points around the middle of the scene that lie on a clear surface.
 const CLEAR_OF_POINTS: f64 = 0.05;
-/// The same as a share of the triangles' area: they scatter about their surfaces, so every slice contains
-/// some.
+/// The same as a share of the triangles' area: they scatter about their surfaces, so every slice
+/// contains some.
 const CLEAR_OF_FACES: f64 = 0.15;
-/// Standard deviation of a clear surface along its narrow side, as a share of the distance of the cameras.
+/// Standard deviation of a clear surface along its narrow side, as a share of the distance of the
+/// cameras.
 const CLEAR_WIDTH: f64 = 0.05;
 /// Number of samples that compare surfaces.
 const MOST_COMPARED: usize = 4000;
@@ -72,7 +75,8 @@ pub struct UpEstimate {
 /// The largest surface that is nearly level.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LevelSurface {
-    /// Share of the photos' points around the middle of the scene, or, without them, of the triangles' area there.
+    /// Share of the photos' points around the middle of the scene, or, without them, of the
+    /// triangles' area there.
     pub share: f64,
     /// Angle to the estimate from cameras alone, degrees.
     pub degrees: f64,
@@ -89,9 +93,9 @@ pub struct Evidence<'a> {
 
 /// Estimates the up axis of a scene from the cameras that look at it; `None` without cameras.
 ///
-/// People hold cameras level, so up is at right angles to the rows of the photos: the direction in which the
-/// right vectors vary least. A table or floor near that direction is more level than hands are steady, and
-/// replaces it.
+/// People hold cameras level, so up is at right angles to the rows of the photos: the direction in
+/// which the right vectors vary least. A table or floor near that direction is more level than
+/// hands are steady, and replaces it.
 pub(crate) fn estimate(scene: Foreground, known: Evidence) -> Option<UpEstimate> {
     let held = from_cameras(known.cameras)?;
     let cone =
@@ -124,7 +128,8 @@ struct CameraUp {
     open: bool,
 }
 
-/// From the rows of the photos, or from their columns where these are level: photos of a phone that are stored on their side.
+/// From the rows of the photos, or from their columns where these are level: photos of a phone that
+/// are stored on their side.
 fn from_cameras(cameras: &[Camera]) -> Option<CameraUp> {
     let held = from_level(cameras, 0)?;
     let on_side =
@@ -193,7 +198,8 @@ fn scatter(vectors: impl Iterator<Item = (DVec3, f64)>) -> DMat3 {
     sum * (1.0 / f64::max(weights, 1e-300))
 }
 
-/// The normal of the largest flat surface that is seen from the direction `toward`, such as a wall; `None` without a clear one.
+/// The normal of the largest flat surface that is seen from the direction `toward`, such as a wall;
+/// `None` without a clear one.
 pub(crate) fn facing(scene: Foreground, known: Evidence, toward: DVec3) -> Option<DVec3> {
     surface(scene, known, toward, WIDEST_VIEW).map(|wall| wall.normal)
 }
@@ -206,7 +212,8 @@ struct Surface {
     share: f64,
 }
 
-/// The largest flat surface whose normal is within `cone` degrees of `up`, when there is a clear one.
+/// The largest flat surface whose normal is within `cone` degrees of `up`, when there is a clear
+/// one.
 fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<Surface> {
     let region = ground::region(scene, known.cameras)?;
     let (samples, clear_share) = match known.points.is_empty() {
@@ -297,7 +304,8 @@ mod tests {
         (0..count).map(camera).collect()
     }
 
-    /// A bumpy disc of small triangles around the origin at right angles to `normal`, and as many anywhere.
+    /// A bumpy disc of small triangles around the origin at right angles to `normal`, and as many
+    /// anywhere.
     fn table(normal: Vec3, count: u64) -> Mesh {
         let rng = Rng::new(1, "table", 0);
         let x = normal.any_orthonormal_vector();
@@ -445,15 +453,16 @@ mod tests {
         assert!(off < 0.01, "{off}°: {here:?} {there:?}");
     }
 
-    /// Up of a real capture, as a vector of its world: by the model of a folder and by its `transforms.json`.
+    /// Up of a real capture, as a vector of its world: by the model of a folder and by its
+    /// `transforms.json`.
     #[test]
     fn colmap_and_transforms_of_a_folder_agree_and_stand_upright() {
         use std::io::Write as _;
         use trisplat_dataset::{Dataset, DatasetOptions};
         let data =
             std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data"));
-        // Up as picked by hand in the photos: the edge of a picture frame on the wall, walls of a house, a carpet, a
-        // table.
+        // Up as picked by hand in the photos: the edge of a picture frame on the wall, walls of a
+        // house, a carpet, a table.
         let picked = [
             ("fox480", [0.051, -0.090, 0.994]),
             ("dtu_scan24", [0.092, -0.377, -0.922]),
@@ -483,7 +492,8 @@ mod tests {
             let angle = |found: &UpEstimate| degrees(found, Vec3::from(truth.map(|x| x as f32)));
             assert!(angle(&by_points) < 5.0, "{name}: {}°", angle(&by_points));
             assert!(angle(&by_cameras) < 6.0, "{name}: {}°", angle(&by_cameras));
-            // The same photos seen from the other file: the turn between the worlds is that of any camera.
+            // The same photos seen from the other file: the turn between the worlds is that of any
+            // camera.
             let (other, others) = up(&data.join(name).join("transforms.json"), false);
             let same: Vec<_> = named
                 .iter()

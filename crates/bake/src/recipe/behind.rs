@@ -1,4 +1,5 @@
-//! What stands behind the scene: the shell of a training, a backdrop of the input, a sphere, or a panorama.
+//! What stands behind the scene: the shell of a training, a backdrop of the input, a sphere, or a
+//! panorama.
 
 use super::Recipe;
 use crate::backdrop::{
@@ -14,7 +15,8 @@ use trisplat_scene::report::Outcome;
 use trisplat_scene::{Asset, Placement, Result, Scene};
 
 impl Recipe<'_> {
-    /// The triangles that a limit leaves for surroundings, if `all` triangles exceed it and surroundings are among them.
+    /// The triangles that a limit leaves for surroundings, if `all` triangles exceed it and
+    /// surroundings are among them.
     fn most_behind(&self, all: usize) -> Option<u64> {
         let are_written = matches!(
             self.options.backdrop.backdrop,
@@ -26,7 +28,9 @@ impl Recipe<'_> {
 
     /// The backdrop of the input, of fewer triangles where a limit asks for that.
     ///
-    /// Errors: more triangles than a texture has texels.
+    /// # Errors
+    ///
+    /// More triangles than a texture has texels.
     pub(super) fn few_given(
         &self,
         given: Option<Mesh>,
@@ -48,9 +52,12 @@ impl Recipe<'_> {
         }
     }
 
-    /// `mesh` with a shell of fewer triangles where a limit asks for that; `given` are those of another backdrop.
+    /// `mesh` with a shell of fewer triangles where a limit asks for that; `given` are those of
+    /// another backdrop.
     ///
-    /// Errors: more vertices than 32 bits count.
+    /// # Errors
+    ///
+    /// More vertices than 32 bits count.
     pub(super) fn few_shell(
         &self,
         mut mesh: Mesh,
@@ -77,8 +84,8 @@ impl Recipe<'_> {
         given.filter(|_| is_written).map_or(0, Mesh::face_count)
     }
 
-    /// The shell counts as backdrop, outside the levels. A scene that is cropped, or baked without a
-    /// backdrop, keeps its shell as part of the scene.
+    /// The shell counts as backdrop, outside the levels. A scene that is cropped, or baked without
+    /// a backdrop, keeps its shell as part of the scene.
     pub(super) fn part_shell(&self, mut mesh: Mesh, watching: &[Camera]) -> (Mesh, Mesh) {
         if self.is_cropped() || self.options.backdrop.backdrop == BackdropWhen::Off {
             // It is part of the scene from here on.
@@ -90,7 +97,8 @@ impl Recipe<'_> {
         if mesh.face_count() == 0 { (behind, mesh) } else { (mesh, behind) }
     }
 
-    /// One closed surface in place of a shell that is made of shards. The shells of several inputs stay.
+    /// One closed surface in place of a shell that is made of shards. The shells of several inputs
+    /// stay.
     pub(super) fn whole_shell(
         &self,
         shell: Mesh,
@@ -109,7 +117,8 @@ impl Recipe<'_> {
         closed(&shell, center, reach, most).unwrap_or(shell)
     }
 
-    /// Colours that run softly, unless colours are to stay: in a shell that is cut, or as they are where pictures will be fitted.
+    /// Colours that run softly, unless colours are to stay: in a shell that is cut, or as they are
+    /// where pictures will be fitted.
     pub(super) fn soft_shell(
         &self,
         mut shell: Mesh,
@@ -155,8 +164,8 @@ impl Recipe<'_> {
         }
     }
 
-    /// Behind the remaining triangles, and before colours are taken from the photos: colours of holes belong
-    /// to the sphere.
+    /// Behind the remaining triangles, and before colours are taken from the photos: colours of
+    /// holes belong to the sphere.
     pub(super) fn backdrop(
         &mut self,
         mesh: Mesh,

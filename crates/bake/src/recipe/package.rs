@@ -19,7 +19,8 @@ use trisplat_scene::report::{Counts, Outcome, Report, StageProgress, generator};
 use trisplat_scene::{Asset, Placement, Provenance, Result, placed};
 
 impl Recipe<'_> {
-    /// The part of the recipe that prepares a mesh for a file. Levels are given the frame of their scene.
+    /// The part of the recipe that prepares a mesh for a file. Levels are given the frame of their
+    /// scene.
     pub(super) fn package(
         &mut self,
         mesh: Mesh,
@@ -101,14 +102,15 @@ impl Recipe<'_> {
     }
 }
 
-// ---- Levels of detail, each painted and packaged like its scene --------------------------------------
+// ---- Levels of detail, each painted and packaged like its scene ---------------------------------
 
 /// Photos that a level of detail is evaluated on.
 const EVALUATION_VIEWS: usize = 12;
 /// Texels per pixel that a level has at least.
 const LEAST_DENSITY: f64 = 0.05;
 
-/// How often the texture of a scene is halved for a level with this share of its triangles: it is seen from farther away.
+/// How often the texture of a scene is halved for a level with this share of its triangles: it is
+/// seen from farther away.
 fn halvings(share: f64) -> usize {
     (-0.5 * share.clamp(1e-6, 1.0).log2()).round() as usize
 }
@@ -131,7 +133,8 @@ impl Recipe<'_> {
         let finish = |level: Mesh, mut progress: StageProgress<'_>| {
             let mut unread = Report::default();
             let mut own = of_levels.clone();
-            // As many texels for a triangle as the scene has: seen from farther away, they are as large in a picture.
+            // As many texels for a triangle as the scene has: seen from farther away, they are as
+            // large in a picture.
             let share = level.face_count() as f64 / faces as f64;
             own.texture.texels_per_pixel =
                 (own.texture.texels_per_pixel * share.sqrt()).max(LEAST_DENSITY);
@@ -161,7 +164,8 @@ impl Recipe<'_> {
         mut views: Option<&mut Views>,
     ) -> Result<FinishedLevel> {
         let in_tiles = self.options.tiles.tiles;
-        // A level drawn alone must look like the scene, so it has the same backdrop; only tiles share one.
+        // A level drawn alone must look like the scene, so it has the same backdrop; only tiles
+        // share one.
         let faces = level.face_count();
         shared.backdrop.clone().map_or(Ok(()), |backdrop| level.append(backdrop))?;
         let (level, unseen) = self.refit(level, faces, views.as_deref_mut())?;

@@ -53,7 +53,7 @@ impl Cameras {
     }
 }
 
-// ---- What a scene and its levels of detail have in common --------------------------------------------
+// ---- What a scene and its levels of detail have in common ---------------------------------------
 
 /// What is known of a scene besides its triangles, in the frame of the input.
 #[derive(Clone, Copy)]

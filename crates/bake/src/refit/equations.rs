@@ -7,8 +7,8 @@ use trisplat_scene::parallel::{self, GRAIN};
 
 /// Larger residuals, sRGB-encoded, count linearly (Huber): reflections and passers-by.
 pub(super) const MOST_RESIDUAL: f32 = 0.15;
-/// Mean residual of a channel at 0, in [`MOST_RESIDUAL`], from which the colour is wrong and not the photos:
-/// most of them are that far from it. A training may have clamped it there.
+/// Mean residual of a channel at 0, in [`MOST_RESIDUAL`], from which the colour is wrong and not
+/// the photos: most of them are that far from it. A training may have clamped it there.
 const WRONG: f32 = 0.75;
 /// Weight of the present colours, in pixels (damping).
 const DAMPING_PX: f32 = 0.25;
@@ -31,7 +31,8 @@ pub(super) struct Equations {
 }
 
 impl Equations {
-    /// Adds a sample with the weight `share` of a pixel; `beyond` is the part of its residual that is left out.
+    /// Adds a sample with the weight `share` of a pixel; `beyond` is the part of its residual that
+    /// is left out.
     #[inline(always)]
     pub(super) fn add(
         &mut self,
@@ -118,8 +119,9 @@ impl Equations {
         [0, 1, 2].map(|k| corners[k] + step[k])
     }
 
-    /// Solves (matrix + λ (1 - J/3) + τ) x = right for the three corners, J all ones: λ pulls corners
-    /// together, and the damping τ > 0 pulls them to their present values. Positive definite.
+    /// Solves (matrix + λ (1 - J/3) + τ) x = right for the three corners, J all ones: λ pulls
+    /// corners together, and the damping τ > 0 pulls them to their present values. Positive
+    /// definite.
     fn solve(&self, flatness: f32, damping: f32, right: [f32; 3]) -> [f32; 3] {
         let [a, b, c, d, e, f] = self.matrix.map(f64::from);
         let own = f64::from(flatness * 2.0 / 3.0 + damping);
@@ -220,9 +222,9 @@ impl Fit {
         &self.encoded[first..]
     }
 
-    /// Gives the channels of `mesh` that are 0 on a whole face before `behind` what photos show there, where
-    /// this is farther than the residuals of good colours. A soft training may have clamped them, and then held
-    /// them at 0. Returns the number of such faces.
+    /// Gives the channels of `mesh` that are 0 on a whole face before `behind` what photos show
+    /// there, where this is farther than the residuals of good colours. A soft training may have
+    /// clamped them, and then held them at 0. Returns the number of such faces.
     pub(super) fn revive(&self, mesh: &mut Mesh, behind: usize) -> u64 {
         let mut revived = 0;
         for (face, sums) in self.sums[..behind].iter().enumerate() {

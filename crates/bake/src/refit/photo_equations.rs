@@ -12,7 +12,8 @@ use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::StageProgress;
 use trisplat_scene::{Result, parallel};
 
-/// Bands of rows that are summed in parallel. Fixed, so that sums do not depend on the number of threads.
+/// Bands of rows that are summed in parallel. Fixed, so that sums do not depend on the number of
+/// threads.
 const BANDS: usize = 8;
 /// Most samples of a pixel.
 const MOST_SAMPLES: usize = 16;
@@ -27,7 +28,8 @@ pub(super) struct Observation<'a> {
     pub(super) visibility: &'a Visibility,
     /// sRGB-encoded.
     pub(super) background: [f32; 3],
-    /// The share of a sample's residual that comes from its whole pixel; the rest comes from its own colour.
+    /// The share of a sample's residual that comes from its whole pixel; the rest comes from its
+    /// own colour.
     pub(super) coupling: f32,
 }
 
@@ -57,7 +59,8 @@ impl Gatherer {
         Self { bands: vec![band; BANDS] }
     }
 
-    /// Adds a photo to the sums of `fit` with this sign: -1 takes it back. Returns its mean error, sRGB-encoded.
+    /// Adds a photo to the sums of `fit` with this sign: -1 takes it back. Returns its mean error,
+    /// sRGB-encoded.
     pub(super) fn gather(
         &mut self,
         observation: &Observation<'_>,
@@ -89,7 +92,8 @@ impl Gatherer {
     }
 }
 
-/// A sample of the current pixel: the slot of its face and the barycentric weights of the face's corners.
+/// A sample of the current pixel: the slot of its face and the barycentric weights of the face's
+/// corners.
 type PixelSample = (u32, [f32; 3]);
 
 struct Pass<'a> {
@@ -202,8 +206,8 @@ impl<'a> Pass<'a> {
     }
 }
 
-/// The difference of a photo's colour from a linear colour, sRGB-encoded; the colour is rounded to 8 bits, as
-/// an engine does.
+/// The difference of a photo's colour from a linear colour, sRGB-encoded; the colour is rounded to
+/// 8 bits, as an engine does.
 #[inline(always)]
 fn residual(photo: [u8; 3], linear: [f32; 3]) -> [f32; 3] {
     let mut residual = [0.0; 3];
@@ -214,8 +218,8 @@ fn residual(photo: [u8; 3], linear: [f32; 3]) -> [f32; 3] {
     residual
 }
 
-/// The residual for a sample: a mix of those of its pixel and of its own colour, each bounded; and what the
-/// bounds leave out.
+/// The residual for a sample: a mix of those of its pixel and of its own colour, each bounded; and
+/// what the bounds leave out.
 #[inline(always)]
 fn coupled(pixel: [f32; 3], own: [f32; 3], coupling: f32) -> ([f32; 3], [f32; 3]) {
     let bounded = |error: f32| error.clamp(-MOST_RESIDUAL, MOST_RESIDUAL);
@@ -228,11 +232,11 @@ fn coupled(pixel: [f32; 3], own: [f32; 3], coupling: f32) -> ([f32; 3], [f32; 3]
     (residual, beyond)
 }
 
-// ---- Adds photos to a fit ----------------------------------------------------------------------------
+// ---- Adds photos to a fit -----------------------------------------------------------------------
 
-/// Number of photos at which the first pass is half coupled. Coupled neighbours share the residual of their
-/// pixel. With many photos this is sharper. With few photos one triangle corrects the error of another, which
-/// looks wrong from other places.
+/// Number of photos at which the first pass is half coupled. Coupled neighbours share the residual
+/// of their pixel. With many photos this is sharper. With few photos one triangle corrects the
+/// error of another, which looks wrong from other places.
 const HALF_COUPLED: f32 = 40.0;
 
 /// Renders the scene from each photo's camera, and adds the photo's pixels to the normal equations.
@@ -260,7 +264,8 @@ impl Accumulator {
         }
     }
 
-    /// Adds the photos `chosen` to the sums of the fit, in their order, with this sign: -1 takes them back.
+    /// Adds the photos `chosen` to the sums of the fit, in their order, with this sign: -1 takes
+    /// them back.
     pub(super) fn add(
         &mut self,
         mesh: &Mesh,

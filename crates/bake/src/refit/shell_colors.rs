@@ -1,16 +1,16 @@
-//! The colours of the backdrop, solved together: it is one closed surface, and few or no photos show much of
-//! it.
+//! The colours of the backdrop, solved together: it is one closed surface, and few or no photos
+//! show much of it.
 //!
-//! Colours fitted triangle by triangle jump from one to the next, and stay unchanged where no photo looks.
-//! Here corners at one vertex pull each other, and so do those of one triangle. Photos outweigh both pulls;
-//! without photos a colour lies between its neighbours:
+//! Colours fitted triangle by triangle jump from one to the next, and stay unchanged where no photo
+//! looks. Here corners at one vertex pull each other, and so do those of one triangle. Photos
+//! outweigh both pulls; without photos a colour lies between its neighbours:
 //!
 //! ```text
 //! minimise Σ_pixels (photo - drawn(e))² + μ Σ_vertices Σ_k (e_k - ē_vertex)² + λ Σ_triangles Σ_k (e_k - ē_triangle)²
 //! ```
 //!
-//! The matrix is symmetric and positive definite, so conjugate gradients solve it, one channel after the
-//! other. Both weights were chosen on photos left out of captures (commit 5727e856).
+//! The matrix is symmetric and positive definite, so conjugate gradients solve it, one channel
+//! after the other. Both weights were chosen on photos left out of captures (commit 5727e856).
 
 use super::equations::{Equations, Fit};
 use crate::weld::place_bits;
@@ -25,15 +25,15 @@ const SEAM_PX: f64 = 100.0;
 const FLATNESS_PX: f64 = 3.0;
 /// Weight of a corner's present colour, in pixels: corners without any pull keep their colour.
 const DAMPING_PX: f64 = 1e-3;
-/// Weight of a triangle's own colour without photos, in pixels: enough to keep its mean, too little to keep
-/// its edges.
+/// Weight of a triangle's own colour without photos, in pixels: enough to keep its mean, too little
+/// to keep its edges.
 const TRUSTED_PX: f64 = 300.0;
 /// Most steps of conjugate gradients; the residual falls to a thousandth long before.
 const STEPS: usize = 400;
 const RESIDUAL: f64 = 1e-4;
 
-/// Gives the backdrop of `mesh`, its faces from `behind` on, the colours that are best for all of them
-/// together; `fit` holds the sums of the photos.
+/// Gives the backdrop of `mesh`, its faces from `behind` on, the colours that are best for all of
+/// them together; `fit` holds the sums of the photos.
 pub(super) fn paint(mesh: &mut Mesh, behind: usize, fit: &Fit) {
     if behind < mesh.face_count() {
         let solved = solve(mesh, behind, fit.sums(behind), fit.encoded(behind));
@@ -45,7 +45,8 @@ pub(super) fn paint(mesh: &mut Mesh, behind: usize, fit: &Fit) {
     }
 }
 
-/// Smooths a shell of one colour per triangle when there are no photos. A shell whose triangles share no vertex stays as it is.
+/// Smooths a shell of one colour per triangle when there are no photos. A shell whose triangles
+/// share no vertex stays as it is.
 pub(crate) fn smooth_shell(shell: &mut Mesh) {
     let mut system = System::of(shell, 0);
     if system.counts.len() == system.vertices.len() {
@@ -60,8 +61,8 @@ pub(crate) fn smooth_shell(shell: &mut Mesh) {
 /// Colours of the corners of some faces, sRGB-encoded. `[face][corner][channel]`
 type CornerColors = Vec<[[f32; 3]; 3]>;
 
-/// Better colours for the faces from `first` on, which have the colours `encoded`; `sums` are those of the
-/// photos.
+/// Better colours for the faces from `first` on, which have the colours `encoded`; `sums` are those
+/// of the photos.
 fn solve(mesh: &Mesh, first: usize, sums: &[Equations], encoded: &[[[f32; 3]; 3]]) -> CornerColors {
     let matrices = sums.iter().map(|sums| sums.matrix().map(f64::from)).collect();
     let system = System { matrices, ..System::of(mesh, first) };
@@ -105,7 +106,8 @@ impl System {
         self.improved(encoded, |_, _, _| 0.0)
     }
 
-    /// The colours of corners, linear; those at one vertex get their mean: no photo shows an edge there.
+    /// The colours of corners, linear; those at one vertex get their mean: no photo shows an edge
+    /// there.
     fn joined(&self, encoded: &CornerColors) -> Vec<[f32; 3]> {
         let mut sums = vec![Vec3::ZERO; self.counts.len()];
         for (vertex, color) in self.vertices.iter().zip(encoded.iter().flatten()) {
@@ -115,8 +117,8 @@ impl System {
         self.vertices.iter().map(|vertex| mean(vertex).to_array().map(linear_from_srgb)).collect()
     }
 
-    /// The colours at which all pulls balance; `right` is the residual of the photos with the present
-    /// colours.
+    /// The colours at which all pulls balance; `right` is the residual of the photos with the
+    /// present colours.
     fn improved(
         &self,
         encoded: &[[[f32; 3]; 3]],
@@ -160,8 +162,8 @@ impl System {
         out
     }
 
-    /// The solution of (all pulls + damping) x = `right`. Each triangle is solved for alone in every step: where no vertex is shared, that is the
-    /// solution.
+    /// The solution of (all pulls + damping) x = `right`. Each triangle is solved for alone in
+    /// every step: where no vertex is shared, that is the solution.
     fn conjugate_gradients(&self, right: &[f64], alone: &[[f64; 6]]) -> Vec<f64> {
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let mut solution = vec![0.0; right.len()];
@@ -189,7 +191,8 @@ impl System {
         solution
     }
 
-    /// The inverses of the blocks of the matrix that hold the corners of one triangle, 00 01 02 11 12 22. `[face]`
+    /// The inverses of the blocks of the matrix that hold the corners of one triangle, 00 01 02 11
+    /// 12 22. `[face]`
     fn blocks(&self) -> Vec<[f64; 6]> {
         let block = |(face, shown): (usize, &[f64; 6])| {
             let seam = |k: usize| {

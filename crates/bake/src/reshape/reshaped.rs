@@ -112,8 +112,9 @@ impl ReshapedFaces {
         (before - self.len()) as u64
     }
 
-    /// Cuts faces in two across their longest edge, those with the largest error first: at most the share
-    /// `most` of all, and at most `budget` faces afterwards. New faces come last. Returns how many.
+    /// Cuts faces in two across their longest edge, those with the largest error first: at most the
+    /// share `most` of all, and at most `budget` faces afterwards. New faces come last. Returns how
+    /// many.
     pub(super) fn cut(&mut self, found: &Measures, budget: usize, most: f64) -> u64 {
         let is_good = |i: &usize| !self.shell[*i] && !found.face(*i).is_harmful();
         let staying = (0..self.len()).filter(|i| self.shell[*i] || is_good(i)).count();
@@ -139,7 +140,8 @@ impl ReshapedFaces {
         order.len() as u64
     }
 
-    /// Flags of the faces that are drawn from their front only; empty where all are drawn from both sides. `[F]`
+    /// Flags of the faces that are drawn from their front only; empty where all are drawn from both
+    /// sides. `[F]`
     pub(super) fn single_sided(&self) -> Vec<bool> {
         flags(&self.single_sided)
     }
@@ -174,9 +176,10 @@ fn halves(corners: [Vec3; 3]) -> [[Vec3; 3]; 2] {
     halves
 }
 
-// ---- A round's measurements of every triangle, summed from many threads ------------------------------
+// ---- A round's measurements of every triangle, summed from many threads -------------------------
 
-/// Units per squared difference in integer sums. Integers, because their sums do not depend on the order.
+/// Units per squared difference in integer sums. Integers, because their sums do not depend on the
+/// order.
 pub(super) const UNITS: f64 = (1u64 << 24) as f64;
 
 /// Measurements of all faces.

@@ -14,11 +14,11 @@ use trisplat_scene::mesh::Mesh;
 
 /// Samples per pixel along each axis.
 const SAMPLES: u32 = 1;
-/// Squared error of an empty sample in a scene that is closed all around. It exceeds that of any colour, so
-/// no hole is opened, which other views would show.
+/// Squared error of an empty sample in a scene that is closed all around. It exceeds that of any
+/// colour, so no hole is opened, which other views would show.
 const HOLE_ERROR: f32 = 100.0;
-/// Squared error of a sample on the wrong side of the outline of an object without background: that of grey
-/// on black.
+/// Squared error of a sample on the wrong side of the outline of an object without background: that
+/// of grey on black.
 const OUTLINE_ERROR: f32 = 0.75;
 
 /// Draws the rounds.
@@ -40,10 +40,12 @@ impl<'v> Rounds<'v> {
         }
     }
 
-    /// Compares some of the pictures, different ones in every round, with the scene and, if given, with its
-    /// faces moved to `candidates`.
+    /// Compares some of the pictures, different ones in every round, with the scene and, if given,
+    /// with its faces moved to `candidates`.
     ///
-    /// Errors: a photo that cannot be decoded.
+    /// # Errors
+    ///
+    /// A photo that cannot be decoded.
     pub(super) fn draw(
         &mut self,
         round: u32,
@@ -97,7 +99,8 @@ struct PictureSums<'a> {
     background: [f32; 3],
     /// Error of a sample without a face, instead of its difference from the background.
     hole_error: Option<f32>,
-    /// The picture shows an object without background: a face outside it is as wrong as a hole in it.
+    /// The picture shows an object without background: a face outside it is as wrong as a hole in
+    /// it.
     cut: bool,
     /// There are candidates, in planes of their own.
     moves: bool,
@@ -180,11 +183,11 @@ impl PictureSums<'_> {
     }
 }
 
-// ---- Pictures per round ---------------------------------------------------------------------------
+// ---- Pictures per round -------------------------------------------------------------------------
 
-/// Preferred number of pictures per round; the next round uses others if there are more. A round judges each
-/// triangle alone, so few pictures mislead it: with 12, scenes of 8,000 to 20,000 triangles lost up to 1.9 dB
-/// (docs/benchmarks/reshape.md).
+/// Preferred number of pictures per round; the next round uses others if there are more. A round
+/// judges each triangle alone, so few pictures mislead it: with 12, scenes of 8,000 to 20,000
+/// triangles lost up to 1.9 dB (docs/benchmarks/reshape.md).
 const ROUND_VIEWS: u64 = 48;
 /// Longest side of the pictures, px: finer detail is not fitted.
 const LONGEST_SIDE: u32 = 960;
@@ -200,8 +203,8 @@ const USUAL_ROUNDS: u32 = 16;
 const FEWEST_ROUNDS: u32 = 4;
 /// Its multiples, less their whole part, never come close to an earlier one.
 const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
-/// Most triangles and samples drawn per round, on average. With a quarter, scenes of 360,000 triangles were fitted
-/// to too few pictures to gain anything.
+/// Most triangles and samples drawn per round, on average. With a quarter, scenes of 360,000
+/// triangles were fitted to too few pictures to gain anything.
 const MOST_DRAWN: u64 = 50_000_000;
 /// Triangles are cut once per this many rounds, ...
 const CUT_EVERY: u32 = 3;
@@ -219,7 +222,8 @@ pub(super) struct Effort {
 }
 
 impl Effort {
-    /// For `faces` and the pictures of `cameras`: large scenes get fewer pictures, and then fewer rounds.
+    /// For `faces` and the pictures of `cameras`: large scenes get fewer pictures, and then fewer
+    /// rounds.
     pub(super) fn new(faces: usize, cameras: &[Camera], rounds: u32) -> Self {
         let side =
             ((PIXELS_PER_FACE * faces as f64).sqrt() as u32).clamp(SHORTEST_SIDE, LONGEST_SIDE);
@@ -236,7 +240,8 @@ impl Effort {
         Self { rounds: affordable.min(rounds), pictures: pictures as usize, side }
     }
 
-    /// The pictures of `round`, of `views`: evenly spaced, and from round to round between those before.
+    /// The pictures of `round`, of `views`: evenly spaced, and from round to round between those
+    /// before.
     pub(super) fn chosen(self, round: u32, views: usize) -> Vec<usize> {
         let step = views as f64 / self.pictures as f64;
         let shift = (f64::from(round) * GOLDEN_RATIO).fract();

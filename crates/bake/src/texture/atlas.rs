@@ -1,8 +1,8 @@
 //! Where each triangle is on the texture.
 //!
-//! A triangle becomes a right-angled one, its right angle opposite to its longest edge; its corners are middles of texels, so that
-//! nothing bleeds in at the finest level. Two of one size, the second turned by 180 degrees, make a rectangle with free diagonals between
-//! them:
+//! A triangle becomes a right-angled one, its right angle opposite to its longest edge; its corners
+//! are middles of texels, so that nothing bleeds in at the finest level. Two of one size, the
+//! second turned by 180 degrees, make a rectangle with free diagonals between them:
 //!
 //! ```text
 //! A A A A . . B
@@ -11,7 +11,8 @@
 //! A . . B B B B
 //! ```
 //!
-//! Rectangles stand on shelves, high ones first, those of one size sorted by colour: what coarse mip levels mix is alike.
+//! Rectangles stand on shelves, high ones first, those of one size sorted by colour: what coarse
+//! mip levels mix is alike.
 
 use super::options::TextureOptions;
 use crate::views::Views;
@@ -26,13 +27,14 @@ use trisplat_scene::{Error, Result};
 
 /// Most texels along an edge.
 const MOST: u32 = 1024;
-/// Free texels around every triangle with more than one, so that the next mip level does not bleed either; an even number keeps its
-/// texels whole.
+/// Free texels around every triangle with more than one, so that the next mip level does not bleed
+/// either; an even number keeps its texels whole.
 const GUTTER: u32 = 2;
 /// Fewer texels per pixel are tried where all do not fit, each time this many times as many.
 const FEWER: f64 = 0.9;
 
-/// The texels of a triangle: texel (i, j) is at `corner` + i, j, or of a turned one at `corner` - i, j.
+/// The texels of a triangle: texel (i, j) is at `corner` + i, j, or of a turned one at `corner` -
+/// i, j.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Patch {
     /// The texel of the corner with the right angle.
@@ -41,7 +43,8 @@ pub(super) struct Patch {
     pub(super) size: UVec2,
     /// Turned by 180 degrees.
     pub(super) turned: bool,
-    /// Numbers of the face's corners: at the right angle, at the end of the first leg, at the end of the second.
+    /// Numbers of the face's corners: at the right angle, at the end of the first leg, at the end
+    /// of the second.
     pub(super) order: [usize; 3],
 }
 
@@ -75,7 +78,8 @@ impl Patch {
         }
     }
 
-    /// Free texels around it. One texel is never drawn at another level: nothing changes from one corner to another.
+    /// Free texels around it. One texel is never drawn at another level: nothing changes from one
+    /// corner to another.
     fn gutter(&self) -> u32 {
         if self.size == UVec2::ONE { 0 } else { GUTTER }
     }
@@ -96,7 +100,8 @@ impl Patch {
         }
     }
 
-    /// Where a point of the face with these weights of its corners is, in texels from the middle of the first texel of the texture.
+    /// Where a point of the face with these weights of its corners is, in texels from the middle of
+    /// the first texel of the texture.
     #[inline(always)]
     pub(super) fn place(&self, weights: &[f32; 3]) -> Vec2 {
         let [_, first, second] = self.order;
@@ -106,8 +111,8 @@ impl Patch {
         if self.turned { corner - from_corner } else { corner + from_corner }
     }
 
-    /// Every texel that a sample within the face may need, with the weights of the face's corners there, or at the nearest point of the
-    /// face.
+    /// Every texel that a sample within the face may need, with the weights of the face's corners
+    /// there, or at the nearest point of the face.
     pub(super) fn texels(&self) -> impl Iterator<Item = (UVec2, [f32; 3])> + use<> {
         let Self { corner, size, turned, order } = *self;
         let legs = (size - 1).as_vec2();
@@ -153,7 +158,9 @@ pub(super) struct Atlas {
 impl Atlas {
     /// Places the faces of a mesh whose edges have these lengths in photos, px. `[F]`
     ///
-    /// Errors: more triangles than a texture of the largest size has texels.
+    /// # Errors
+    ///
+    /// More triangles than a texture of the largest size has texels.
     pub(super) fn new(mesh: &Mesh, edges: &[[f32; 3]], options: &TextureOptions) -> Result<Self> {
         let colors = parallel::collect(mesh.face_count(), GRAIN, |face| color_key(mesh, face));
         let mut texels_per_pixel = options.texels_per_pixel;
@@ -172,7 +179,8 @@ impl Atlas {
         }
     }
 
-    /// Finds a place for every patch on the smallest texture that holds them; false when none of at most `most` by `most` does.
+    /// Finds a place for every patch on the smallest texture that holds them; false when none of at
+    /// most `most` by `most` does.
     fn pack(&mut self, colors: &[u32], most: u32) -> bool {
         let mut faces: Vec<u32> = (0..self.patches.len() as u32).collect();
         faces.par_sort_unstable_by_key(|face| {
@@ -192,7 +200,8 @@ impl Atlas {
         false
     }
 
-    /// Places patches in this order on shelves `width` wide; returns how high they are together, unless that is above `most`.
+    /// Places patches in this order on shelves `width` wide; returns how high they are together,
+    /// unless that is above `most`.
     fn place(&mut self, faces: &[u32], width: u32, most: u32) -> Option<u32> {
         let mut at = UVec2::ZERO;
         let mut shelf = 0;
@@ -266,7 +275,7 @@ fn color_key(mesh: &Mesh, face: usize) -> u32 {
         .fold(0, |key, bit| key << 1 | bit)
 }
 
-// ---- Where faces are on a texture, whatever placed them there ----------------------------------------
+// ---- Where faces are on a texture, whatever placed them there -----------------------------------
 
 /// Places of the faces of a mesh on a texture.
 pub(super) trait Layout: Sync {
@@ -276,14 +285,15 @@ pub(super) trait Layout: Sync {
     /// Number of faces.
     fn face_count(&self) -> usize;
 
-    /// Where a point of a face with these weights of its corners is, in texels from the middle of the first texel.
+    /// Where a point of a face with these weights of its corners is, in texels from the middle of
+    /// the first texel.
     fn place(&self, face: usize, weights: &[f32; 3]) -> Vec2;
 
     /// 1 along the axes between whose texels a face is interpolated, else 0.
     fn interpolated(&self, face: usize) -> UVec2;
 
-    /// Calls `visit` with every texel of a face, and with the weights of the face's corners there or at the nearest point of it. No
-    /// two faces have the same texel.
+    /// Calls `visit` with every texel of a face, and with the weights of the face's corners there
+    /// or at the nearest point of it. No two faces have the same texel.
     fn for_each_texel(&self, face: usize, visit: &mut dyn FnMut(UVec2, [f32; 3]));
 
     /// Texels and weights of a bilinear sample.
@@ -304,7 +314,8 @@ pub(super) trait Layout: Sync {
         ]
     }
 
-    /// Where the corners of every face are on the texture: (0, 0) its upper left corner, (1, 1) its lower right one. `[F]`
+    /// Where the corners of every face are on the texture: (0, 0) its upper left corner, (1, 1) its
+    /// lower right one. `[F]`
     fn uvs(&self) -> Vec<[Vec2; 3]> {
         let per = Vec2::ONE / self.size().as_vec2();
         let corner = |face: usize, k: usize| {
@@ -316,13 +327,14 @@ pub(super) trait Layout: Sync {
     }
 }
 
-// ---- How large triangles appear in the photos that see them ------------------------------------------
+// ---- How large triangles appear in the photos that see them -------------------------------------
 
-/// Longer side of the pictures that say which triangles each photo sees, px. Triangles with less than a pixel there hardly need texels.
+/// Longer side of the pictures that say which triangles each photo sees, px. Triangles with less
+/// than a pixel there hardly need texels.
 const LONGEST: u32 = 1280;
 
-/// The mean length of every face's three edges in the photos that see it, px: from corner 0 to 1, 1 to 2, 2 to 0. Zeros where no
-/// photo does. `[F]`
+/// The mean length of every face's three edges in the photos that see it, px: from corner 0 to 1, 1
+/// to 2, 2 to 0. Zeros where no photo does. `[F]`
 pub(super) fn footprints(mesh: &Mesh, views: &Views) -> Vec<[f32; 3]> {
     let drawing = views.drawing(mesh, 1);
     let mut solid = SolidRasterizer::new();
@@ -348,7 +360,8 @@ pub(super) fn footprints(mesh: &Mesh, views: &Views) -> Vec<[f32; 3]> {
     lengths.iter().map(|sums| [0, 1, 2].map(|i| sums[i] / sums[3].max(1.0))).collect()
 }
 
-/// Lengths of the edges of a triangle in a picture, px. Of one that begins behind the camera the length that it would have in its middle.
+/// Lengths of the edges of a triangle in a picture, px. Of one that begins behind the camera the
+/// length that it would have in its middle.
 fn edges(corners: [Vec3; 3], camera: &Camera, near: f32) -> [f32; 3] {
     let corners = corners.map(|v| camera.rotation * v + camera.translation);
     let length = |p: Vec3, q: Vec3| {

@@ -1,11 +1,13 @@
-//! Which photo shows a face best: large and sharp, in the colour that the others see too, and the same one as its neighbours.
+//! Which photo shows a face best: large and sharp, in the colour that the others see too, and the
+//! same one as its neighbours.
 //!
 //! ```text
 //! min over labels l   Σ_faces D_f(l_f) + SEAM Σ_neighbours [l_f ≠ l_g]      D_f(v) = 1 - q_fv / max_v q_fv + |c_fv - mean c_f| / OTHER
 //! ```
 //!
-//! q is the sum of the brightness gradients of the pixels that show the face (Gal et al. 2010), c their mean colour. The sum is made small by
-//! min-sum belief propagation, after Waechter et al. 2014.
+//! q is the sum of the brightness gradients of the pixels that show the face (Gal et al. 2010), c
+//! their mean colour. The sum is made small by min-sum belief propagation, after Waechter et al.
+//! 2014.
 
 use crate::weld::place_bits;
 use rayon::prelude::*;
@@ -21,7 +23,8 @@ const CANDIDATES: usize = 6;
 const SEAM: f32 = 0.4;
 /// A difference from the mean colour that costs as much as having no quality, sRGB codes.
 const OTHER: f32 = 48.0;
-/// The brightness gradient that every pixel has at least, codes: of even surfaces the largest picture is the best one.
+/// The brightness gradient that every pixel has at least, codes: of even surfaces the largest
+/// picture is the best one.
 const LEAST_GRADIENT: u64 = 2;
 /// Rounds of belief propagation.
 const ROUNDS: usize = 12;
@@ -162,7 +165,8 @@ impl Best {
         views
     }
 
-    /// How many pairs of a place and a photo there are, and the number of the one of each corner. `[F * 3]`
+    /// How many pairs of a place and a photo there are, and the number of the one of each corner.
+    /// `[F * 3]`
     pub(super) fn slots(&self) -> Vec<u32> {
         let key = |corner: usize| {
             u64::from(self.vertices[corner]) << 32 | u64::from(self.view[corner / 3])
@@ -193,7 +197,8 @@ fn welded(mesh: &Mesh) -> Vec<u32> {
     numbered(3 * mesh.face_count(), place)
 }
 
-/// Pairs of faces with a common edge, both ways, by the first of them: where those of each face begin, and the second.
+/// Pairs of faces with a common edge, both ways, by the first of them: where those of each face
+/// begin, and the second.
 struct Links {
     first: Vec<u32>,
     other: Vec<u32>,

@@ -1,6 +1,8 @@
-//! Where the faces of a connected mesh are on the texture: in charts, which `uvunwrap` makes and packs.
+//! Where the faces of a connected mesh are on the texture: in charts, which `uvunwrap` makes and
+//! packs.
 //!
-//! First the mesh is unwrapped. Then its charts are packed once more, each with the number of texels that its size in the photos asks for.
+//! First the mesh is unwrapped. Then its charts are packed once more, each with the number of
+//! texels that its size in the photos asks for.
 
 use super::atlas::Layout;
 use super::options::TextureOptions;
@@ -11,7 +13,8 @@ use uvunwrap::{Density, MeshInput, Options, Packing};
 
 /// Free texels around each chart: two more mip levels do not bleed.
 const PADDING: u32 = 4;
-/// Texels this near to a face are its own where no other face is nearer: what samples between texels need.
+/// Texels this near to a face are its own where no other face is nearer: what samples between
+/// texels need.
 const REACH: f32 = 1.5;
 /// Density of charts that no photo sees, as a share of the mean one.
 const UNSEEN_DENSITY: f32 = 0.1;
@@ -47,9 +50,12 @@ struct Chart {
 }
 
 impl Charts {
-    /// Unwraps `mesh`, whose edges have these lengths in photos, px. Its vertices are doubled where charts end. `[F]`
+    /// Unwraps `mesh`, whose edges have these lengths in photos, px. Its vertices are doubled where
+    /// charts end. `[F]`
     ///
-    /// Errors: what cannot be unwrapped onto a texture of the largest size.
+    /// # Errors
+    ///
+    /// What cannot be unwrapped onto a texture of the largest size.
     pub(super) fn new(
         mesh: &mut Mesh,
         edges: &[[f32; 3]],
@@ -139,8 +145,8 @@ fn apart(mesh: &Mesh, unwrapped: &uvunwrap::OutputMesh, edges: &[[f32; 3]]) -> V
     charts
 }
 
-/// Gives `mesh` the vertices of its charts. Returns where the corners of its faces are, in texels from the middle of the first one, on a
-/// texture of this size. `[F]`
+/// Gives `mesh` the vertices of its charts. Returns where the corners of its faces are, in texels
+/// from the middle of the first one, on a texture of this size. `[F]`
 fn split(
     mesh: &mut Mesh,
     charts: &[Chart],

@@ -48,12 +48,14 @@ pub enum TextureWhen {
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct TextureOptions {
-    /// Give triangles texels in place of one colour each, from the photos: more detail for few triangles. For .glb, .gltf, .html, .obj,
-    /// .usdz (without being asked, as phones show no colours there) and .tileset.json files
+    /// Give triangles texels in place of one colour each, from the photos: more detail for few
+    /// triangles. For .glb, .gltf, .html, .obj, .usdz (without being asked, as phones show no
+    /// colours there) and .tileset.json files
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = TextureOptions::DEFAULT.texture, num_args = 0..=1,
           require_equals = true, default_missing_value = "on", value_name = "WHEN"))]
     pub texture: TextureWhen,
-    /// Largest width and height of the texture, texels; where they do not suffice, all triangles have fewer
+    /// Largest width and height of the texture, texels; where they do not suffice, all triangles
+    /// have fewer
     #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_size))]
     #[schemars(range(min = 64, max = 8192))]
     pub texture_size: u32,
@@ -61,7 +63,8 @@ pub struct TextureOptions {
     #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texels_per_pixel))]
     #[schemars(range(min = 0.05, max = 4.0))]
     pub texels_per_pixel: f64,
-    /// λ: pull of texels towards the colour that their triangle has there, equivalent to this many pixels of 40 photos
+    /// λ: pull of texels towards the colour that their triangle has there, equivalent to this many
+    /// pixels of 40 photos
     #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_flatness))]
     #[schemars(range(min = 0.0, max = 1e9))]
     pub texture_flatness: f64,
@@ -87,7 +90,9 @@ impl TextureOptions {
 
     /// Whether files of a format hold the texture, if there is one.
     ///
-    /// Errors: a format without textures.
+    /// # Errors
+    ///
+    /// A format without textures.
     pub fn check_format(&self, path: &Path, format: OutputFormat) -> Result<()> {
         if self.is_wanted() && format == OutputFormat::Ply {
             let wants = "a name ending in .glb, .gltf, .html, .obj, .usdz or .tileset.json, whose files hold a texture, or no `texture`";

@@ -4,12 +4,13 @@
 //! t = t0 + Σ_pixels b (photo - drawn) / (Σ_pixels b + λ),   drawn = Σ_k b_k t0_k
 //! ```
 //!
-//! with t the sRGB-encoded texels, t0 the colours that they had, and b the bilinear weights of the four texels around the point
-//! that a pixel sees. The more pixels see a texel, the less it stays what it was. The fewer photos there are, the more often all of them
-//! see it from the same side, and a residual is an error of the shape: λ is larger for them.
+//! with t the sRGB-encoded texels, t0 the colours that they had, and b the bilinear weights of the
+//! four texels around the point that a pixel sees. The more pixels see a texel, the less it stays
+//! what it was. The fewer photos there are, the more often all of them see it from the same side,
+//! and a residual is an error of the shape: λ is larger for them.
 //!
-//! Not kept, as held-out photos of four scenes showed no difference: more passes, less weight for pixels
-//! that are larger than texels, exposure solved first, less trust where pixels disagree.
+//! Not kept, as held-out photos of four scenes showed no difference: more passes, less weight for
+//! pixels that are larger than texels, exposure solved first, less trust where pixels disagree.
 //!
 //! Sums are whole numbers: their order, and with it the number of threads, does not matter.
 
@@ -80,7 +81,9 @@ impl Texels {
 
     /// Adds what the photos `chosen` show to the sums.
     ///
-    /// Errors: a photo that cannot be decoded.
+    /// # Errors
+    ///
+    /// A photo that cannot be decoded.
     pub(super) fn add(
         &mut self,
         mesh: &Mesh,
@@ -112,7 +115,8 @@ impl Texels {
         Ok(())
     }
 
-    /// What the sums change about a texel, when they are pulled to what it was by `flatness` pixels.
+    /// What the sums change about a texel, when they are pulled to what it was by `flatness`
+    /// pixels.
     #[inline(always)]
     fn step(&self, texel: usize, flatness: f32) -> [f32; 3] {
         let [r, g, b, weight] =
@@ -145,8 +149,9 @@ impl Texels {
         parallel::for_each_mut(&mut self.sums, 1 << 14, |_, sums| *sums = Default::default());
     }
 
-    /// Adds the detail of each face's best photo to what texels are: what its pixels, which were added, show more than them, without what
-    /// is the same all over. So photos of other exposure, or of other colour from their side, meet without seams.
+    /// Adds the detail of each face's best photo to what texels are: what its pixels, which were
+    /// added, show more than them, without what is the same all over. So photos of other exposure,
+    /// or of other colour from their side, meet without seams.
     pub(super) fn sharpen(&mut self, layout: &impl Layout, best: &Best, flatness: f32) {
         let slot_of = best.slots();
         let width = self.size.x as usize;
@@ -245,7 +250,7 @@ impl<L: Layout> Observation<'_, L> {
     }
 }
 
-// ---- The picture of the texels, filled where no triangle shows it ---------------------------------
+// ---- The picture of the texels, filled where no triangle shows it -------------------------------
 
 /// Texels around those of triangles that get their colour.
 const DILATION: usize = 4;

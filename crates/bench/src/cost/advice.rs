@@ -1,4 +1,5 @@
-//! What a grid says in one sentence: the settings to use, what they cost and reach, and what more time would give.
+//! What a grid says in one sentence: the settings to use, what they cost and reach, and what more
+//! time would give.
 
 use super::grid::CostCell;
 
@@ -20,7 +21,8 @@ fn difference_band(cell: &CostCell) -> f64 {
     cell.psnr_band.map_or(0.0, |band| band * std::f64::consts::SQRT_2).max(LEAST_DB)
 }
 
-/// What twice the seconds of the `best` cell should give, dB: gains of doublings are taken to shrink geometrically.
+/// What twice the seconds of the `best` cell should give, dB: gains of doublings are taken to
+/// shrink geometrically.
 fn gain_of_doubling(cells: &[CostCell], best: &CostCell) -> Option<f64> {
     // The closest within a share of its time.
     let within = |share: f64| {
@@ -62,7 +64,8 @@ fn sentence(chosen: &CostCell, best: &CostCell, watched: usize, gain: Option<f64
     text
 }
 
-/// A number for axes: three digits, then k, M or G. 20000 as "20k", 1234567 as "1.23M", 0.5 as "0.5".
+/// A number for axes: three digits, then k, M or G. 20000 as "20k", 1234567 as "1.23M", 0.5 as
+/// "0.5".
 fn short(value: f64) -> String {
     let (unit, letter) = match value.abs() {
         size if size >= 0.9995e9 => (1e9, "G"),

@@ -1,4 +1,5 @@
-//! Which trainings are worth their time: every number of triangles with ever more steps, until the next would take more than the budget.
+//! Which trainings are worth their time: every number of triangles with ever more steps, until the
+//! next would take more than the budget.
 
 use serde::Serialize;
 use trisplat_scene::{Error, Result};
@@ -22,7 +23,9 @@ pub(super) struct Grid {
 impl Grid {
     /// Of what is given; the usual ones where nothing is.
     ///
-    /// Errors: lists that do not ascend.
+    /// # Errors
+    ///
+    /// Lists that do not ascend.
     pub(super) fn new(steps: &[u64], triangles: &[u64], budget: f64) -> Result<Self> {
         let checked = |option: &str, list: &[u64], usual: &dyn Fn() -> Vec<u64>| match list {
             [] => Ok(usual()),
@@ -45,9 +48,12 @@ impl Grid {
         })
     }
 
-    /// Measures cells by `train`, given steps and triangles. The first is measured whatever it takes.
+    /// Measures cells by `train`, given steps and triangles. The first is measured whatever it
+    /// takes.
     ///
-    /// Errors: those of `train`.
+    /// # Errors
+    ///
+    /// Those of `train`.
     pub(super) fn measure(
         &self,
         mut train: impl FnMut(u64, u64) -> Result<CostCell>,
@@ -67,7 +73,8 @@ impl Grid {
             }
             let row =
                 cells[before..].iter().map(|cell| cell.psnr).fold(f64::NEG_INFINITY, f64::max);
-            // A row that nothing fits in, or that gains nothing, is the last: larger ones gain less in this time.
+            // A row that nothing fits in, or that gains nothing, is the last: larger ones gain less
+            // in this time.
             if !(row > best + LEAST_GAIN) {
                 break;
             }
@@ -76,8 +83,8 @@ impl Grid {
         Ok(cells)
     }
 
-    /// The seconds that a training should take, at least: in proportion to its steps after one with fewer, as long as with fewer triangles.
-    /// `None` of the first.
+    /// The seconds that a training should take, at least: in proportion to its steps after one with
+    /// fewer, as long as with fewer triangles. `None` of the first.
     fn expected(&self, cells: &[CostCell], steps: u64, triangles: u64) -> Option<f64> {
         let shorter = cells.iter().rev().find(|cell| cell.max_triangles == triangles);
         let shorter = shorter.map(|cell| cell.cpu_seconds * steps as f64 / cell.steps as f64);
@@ -92,7 +99,8 @@ impl Grid {
 pub(super) struct CostRun {
     /// Its seed.
     pub(super) seed: u64,
-    /// User and system seconds on all threads: photos, teacher, training and the drawing of the watched photos.
+    /// User and system seconds on all threads: photos, teacher, training and the drawing of the
+    /// watched photos.
     pub(super) cpu_seconds: f64,
     /// Triangles at the end.
     pub(super) triangles: u64,
@@ -113,7 +121,8 @@ pub(super) struct CostCell {
     pub(super) cpu_seconds: f64,
     /// Mean of their PSNR, dB.
     pub(super) psnr: f64,
-    /// Half the width of its 95% band over seeds, dB, from the spread of all cells; absent where each has one seed.
+    /// Half the width of its 95% band over seeds, dB, from the spread of all cells; absent where
+    /// each has one seed.
     pub(super) psnr_band: Option<f64>,
     /// Mean of their SSIM.
     pub(super) ssim: f64,
@@ -168,11 +177,13 @@ pub(super) fn compare(cells: &mut [CostCell]) {
 /// 97.5% quantiles of Student's t for 1 to 10 degrees of freedom.
 const QUANTILES: [f64; 10] =
     [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228];
-/// Its quantile for more: that of the normal variable, and what is left in the inverse of their number, to 0.01.
+/// Its quantile for more: that of the normal variable, and what is left in the inverse of their
+/// number, to 0.01.
 const MANY: (f64, f64) = (1.960, 2.65);
 
-/// Half the width of the 95% band of a mean of `runs` runs, where `groups` hold the values of runs that differ by their seed only. All groups
-/// have one spread, as far as few runs can tell, so it is taken from all of them; `None` where no group has two runs.
+/// Half the width of the 95% band of a mean of `runs` runs, where `groups` hold the values of runs
+/// that differ by their seed only. All groups have one spread, as far as few runs can tell, so it
+/// is taken from all of them; `None` where no group has two runs.
 fn half_band<'a>(groups: impl Iterator<Item = &'a [f64]>, runs: usize) -> Option<f64> {
     let mut squares = 0.0;
     let mut freedom = 0;
@@ -191,7 +202,8 @@ mod tests {
     use super::*;
     use trisplat_scene::Rng;
 
-    /// A training that takes a second for a million steps times triangles, and gains less the more it has.
+    /// A training that takes a second for a million steps times triangles, and gains less the more
+    /// it has.
     fn cell(steps: u64, triangles: u64) -> Result<CostCell> {
         let cpu_seconds = (steps * triangles) as f64 * 1e-6;
         let psnr = 30.0 - 1000.0 / steps as f64 - 9000.0 / triangles as f64;

@@ -1,5 +1,6 @@
-//! `cost`: where training stops to pay. A grid of steps and triangles on the user's photos, from short runs to those that take
-//! a budget, each with several seeds; photos of the training set that are left out say how close each comes.
+//! `cost`: where training stops to pay. A grid of steps and triangles on the user's photos, from
+//! short runs to those that take a budget, each with several seeds; photos of the training set that
+//! are left out say how close each comes.
 
 mod advice;
 mod grid;
@@ -23,7 +24,8 @@ pub(crate) struct CostArgs {
     /// Posed photos.
     #[arg(value_name = "DATASET")]
     dataset: PathBuf,
-    /// CPU time that the dearest training may take, as in 90s or 10m. All trainings together take about 20 times as long.
+    /// CPU time that the dearest training may take, as in 90s or 10m. All trainings together take
+    /// about 20 times as long.
     #[arg(long, value_name = "TIME", default_value = "30s")]
     budget: Seconds,
     /// Steps to try, ascending [default: 250, 500, 1000, and so on].
@@ -53,7 +55,8 @@ struct CostReport {
     photo_size: Option<ShrunkSize>,
     /// Photos that were trained on.
     photos: usize,
-    /// Photos of the training set that were left out, and measured with. Held-out photos are not looked at.
+    /// Photos of the training set that were left out, and measured with. Held-out photos are not
+    /// looked at.
     watched: Vec<String>,
     /// CPU seconds that the dearest training was to take at most.
     budget: f64,
@@ -109,7 +112,8 @@ const MIN_PHOTOS: usize = 8;
 const LEFT_OUT_EVERY: usize = 6;
 const MIN_LEFT_OUT: usize = 3;
 
-/// The training photos of `photos`, some of them, spread evenly, held out: choices never use the real held-out photos.
+/// The training photos of `photos`, some of them, spread evenly, held out: choices never use the
+/// real held-out photos.
 ///
 /// # Errors
 ///

@@ -1,4 +1,5 @@
-//! What a case of the stress test is stretched along, one table: its name, range, ordinary value, and how it is applied.
+//! What a case of the stress test is stretched along, one table: its name, range, ordinary value,
+//! and how it is applied.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,12 +23,14 @@ pub(super) enum Axis {
     DepthRatio,
     /// Focal length, px.
     Focal,
-    /// One or two corners of every other triangle are moved to (1 - 2x) times their depth: 0.5 is the camera's plane.
+    /// One or two corners of every other triangle are moved to (1 - 2x) times their depth: 0.5 is
+    /// the camera's plane.
     Behind,
-    /// Triangles face the camera, each this share of its depth behind the one before; 1 is a random slant and depth.
+    /// Triangles face the camera, each this share of its depth behind the one before; 1 is a random
+    /// slant and depth.
     Gap,
-    /// Triangles, all of them over the middle of the picture when there are more than eight. Alone, one case in
-    /// [`DEEP_EVERY`] has more than a pair may have.
+    /// Triangles, all of them over the middle of the picture when there are more than eight. Alone,
+    /// one case in [`DEEP_EVERY`] has more than a pair may have.
     Layers,
     /// Size of the SH coefficients, degrees 0 to 3.
     Sh,
@@ -52,8 +55,8 @@ pub(super) struct AxisRow {
     pub(super) log: bool,
 }
 
-/// One in this many of the cases that are stretched along the layers alone goes to the end of the axis: it costs as much as
-/// thousands of others.
+/// One in this many of the cases that are stretched along the layers alone goes to the end of the
+/// axis: it costs as much as thousands of others.
 pub(super) const DEEP_EVERY: u64 = 256;
 
 /// Smallest opacity: the cutoff of the soft rasteriser.
@@ -87,7 +90,8 @@ impl Axis {
 }
 
 impl AxisRow {
-    /// The value at `share` of the way from `from` to `to`; on log axes, interpolates the logarithm.
+    /// The value at `share` of the way from `from` to `to`; on log axes, interpolates the
+    /// logarithm.
     pub(super) fn between(&self, from: f64, to: f64, share: f64) -> f64 {
         let value =
             if self.log { from * (to / from).powf(share) } else { from + (to - from) * share };

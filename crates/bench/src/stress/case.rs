@@ -1,5 +1,5 @@
-//! A case: a seed and a value on every axis. From it follows the scene that is drawn: few triangles in a picture of
-//! 16 x 16 px, made in double precision and then rounded.
+//! A case: a seed and a value on every axis. From it follows the scene that is drawn: few triangles
+//! in a picture of 16 x 16 px, made in double precision and then rounded.
 
 use super::axes::{AXES, Axis, AxisRow, DEEP_EVERY};
 use super::promises::{On, REACH, domain};
@@ -70,7 +70,8 @@ impl StressCase {
         AXES.iter().all(inside)
     }
 
-    /// Whether a promise on such cases holds for this one, which may be drawn from the promises' domain.
+    /// Whether a promise on such cases holds for this one, which may be drawn from the promises'
+    /// domain.
     pub(super) fn is_on(&self, on: On, promised: bool) -> bool {
         let side = || self.value(Axis::Aspect) * self.value(Axis::Inradius).max(1.0);
         match on {

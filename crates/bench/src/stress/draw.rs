@@ -1,4 +1,5 @@
-//! One case drawn and compared: the rasterisers and the oracles, with memory that is reused from case to case.
+//! One case drawn and compared: the rasterisers and the oracles, with memory that is reused from
+//! case to case.
 
 use super::axes::Axis;
 use super::case::{SIDE, StressCase, StressScene};
@@ -19,13 +20,15 @@ use trisplat_scene::{Result, Rng};
 
 /// Distance to a jump below which a pixel is not compared.
 pub(super) const UNDECIDED: f64 = 5e-4;
-/// Distance to a jump or kink below which a pixel has no gradient: beyond it windows are above `ratio_least`.
+/// Distance to a jump or kink below which a pixel has no gradient: beyond it windows are above
+/// `ratio_least`.
 const KINK: f64 = 2e-3;
 /// A gradient's error is relative to at least this share of the largest entry of all triangles.
 const SMALL_SHARE: f64 = 0.02;
 /// Cases with more triangles are only drawn, not compared.
 const COMPARED: usize = 64;
-/// Gradients are compared in cases of at most as many triangles: each is one more drawing on dual numbers.
+/// Gradients are compared in cases of at most as many triangles: each is one more drawing on dual
+/// numbers.
 const WITH_GRADIENTS: usize = 6;
 /// Times a case is drawn for its least time.
 const TIMED_RUNS: usize = 25;
@@ -65,7 +68,8 @@ impl Draw {
         self.least_seconds(&scene, &d, 4 * TIMED_RUNS)
     }
 
-    /// Draws a case and compares it; gradients where asked for, files of it at `path` and bakes where there is one.
+    /// Draws a case and compares it; gradients where asked for, files of it at `path` and bakes
+    /// where there is one.
     pub(super) fn run(
         &mut self,
         case: &StressCase,
@@ -162,7 +166,8 @@ impl Draw {
             (0..soup.len()).map(|t| exact_grad(soup, t, camera, options, d)).collect();
         for group in groups {
             let largest = exact.iter().map(|grad| size(&grad[group.clone()])).fold(0.0, f64::max);
-            // At a clamped colour the oracle's slope is 0, while a gradient passes if it raises the colour (docs/numerics.md).
+            // At a clamped colour the oracle's slope is 0, while a gradient passes if it raises the
+            // colour (docs/numerics.md).
             let smooth =
                 |grad: &&(usize, &Vec<f64>)| grad.1[11..14].iter().all(|slope| *slope != 0.0);
             for (t, exact) in exact.iter().enumerate().filter(|grad| smooth(&grad)) {
@@ -190,7 +195,8 @@ fn random_grad(seed: u64, margins: &[f64]) -> FrameGrad {
     d
 }
 
-/// The largest sum of magnitudes in a colour that is seen, at least 1: what a rounding error of a colour is relative to.
+/// The largest sum of magnitudes in a colour that is seen, at least 1: what a rounding error of a
+/// colour is relative to.
 pub(super) fn color_scale(scene: &StressScene, picture: &[Pixel<f64>]) -> f64 {
     let soup = &scene.soup;
     let k = scene.soup.sh_count();

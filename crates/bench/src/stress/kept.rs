@@ -1,5 +1,5 @@
-//! What becomes of a case in files and bakes: positions that come back from a GLB, plain and quantised; triangles that
-//! are lost, and numbers that are not finite.
+//! What becomes of a case in files and bakes: positions that come back from a GLB, plain and
+//! quantised; triangles that are lost, and numbers that are not finite.
 
 use super::case::StressScene;
 use glam::{DVec3, Vec3};
@@ -13,9 +13,9 @@ use trisplat_scene::{Asset, Error, ImportedScene, Result, Scene};
 /// Steps along an axis of a quantised chunk.
 const STEPS: f64 = u16::MAX as f64;
 
-/// Largest error of a position that was written to the GLB `path` and read, in half steps of its format: 16 bits over the
-/// extent of the mesh along each axis, and the half of a last place of single precision that a reader rounds by.
-/// Infinite when triangles are missing.
+/// Largest error of a position that was written to the GLB `path` and read, in half steps of its
+/// format: 16 bits over the extent of the mesh along each axis, and the half of a last place of
+/// single precision that a reader rounds by. Infinite when triangles are missing.
 pub(super) fn half_steps(mesh: &Mesh, encoding: PositionEncoding, path: &Path) -> Result<f64> {
     let asset = Asset { mesh: mesh.clone(), ..Asset::default() };
     let options = GltfOptions { positions: encoding, ..GltfOptions::default() };
@@ -51,12 +51,14 @@ pub(super) fn half_steps(mesh: &Mesh, encoding: PositionEncoding, path: &Path) -
 
 /// Cases of more triangles are not compared: each is looked for among all.
 const MOST: usize = 256;
-/// A triangle is there when its corners are as near as this, in last places of the largest coordinate: it was moved to an origin and back.
+/// A triangle is there when its corners are as near as this, in last places of the largest
+/// coordinate: it was moved to an origin and back.
 const LAST_PLACES: f64 = 4.0;
 /// Height over longest edge below which a triangle is a line, in last places of its coordinates.
 const FLAT: f64 = 8.0;
 
-/// Triangles of the case, made opaque, that a bake with the default options loses or moves. A scene that is refused loses none.
+/// Triangles of the case, made opaque, that a bake with the default options loses or moves. A scene
+/// that is refused loses none.
 pub(super) fn lost(scene: &StressScene) -> f64 {
     let (mesh, _) = scene.solid();
     let there: Vec<[Vec3; 3]> =
@@ -110,7 +112,8 @@ mod tests {
     use super::*;
     use std::collections::BTreeMap;
 
-    /// Case of seed 8 among a million: on one axis all positions are the same number, whose shortest text is not exact.
+    /// Case of seed 8 among a million: on one axis all positions are the same number, whose
+    /// shortest text is not exact.
     #[test]
     fn positions_three_million_units_away_come_back() {
         let axes =

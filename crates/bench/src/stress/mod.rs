@@ -1,4 +1,5 @@
-//! `stress`: how exact the rasterisers and the files are when a scene is stretched, and where they break.
+//! `stress`: how exact the rasterisers and the files are when a scene is stretched, and where they
+//! break.
 //!
 //! ```text
 //! seed ──► case (axes) ──► scene ──► soft, solid, files, bakes ──┐
@@ -25,7 +26,8 @@ use trisplat_scene::{Error, Result};
 const PARTS: usize = 8;
 /// One case in this many is written to files and read, and baked.
 const KEPT_EVERY: u64 = 32;
-/// One case in this many of the promises' domain has its gradients compared, which takes as long as hundreds of pictures.
+/// One case in this many of the promises' domain has its gradients compared, which takes as long as
+/// hundreds of pictures.
 const GRADIENTS_EVERY: u64 = 16;
 
 /// What to measure.
@@ -112,7 +114,8 @@ impl PromiseResult {
         }
     }
 
-    /// Whether there are no more failures than the rate allows, by four standard deviations of a count of rare events.
+    /// Whether there are no more failures than the rate allows, by four standard deviations of a
+    /// count of rare events.
     fn is_kept(&self) -> bool {
         let allowed = self.rate * self.of as f64;
         self.failures as f64 <= allowed + 4.0 * allowed.sqrt()
@@ -207,7 +210,8 @@ pub(crate) fn run(args: &StressArgs) -> Result<()> {
     verdict(&report)
 }
 
-/// Measures, with a thread for each of the pool it is called in; each draws its cases alone, so that their time is their own.
+/// Measures, with a thread for each of the pool it is called in; each draws its cases alone, so
+/// that their time is their own.
 fn measure(args: &StressArgs) -> Result<StressReport> {
     let clock = Instant::now();
     let folder = tempfile::tempdir().map_err(|e| Error::io("temporary folder", e))?;
@@ -221,7 +225,8 @@ fn measure(args: &StressArgs) -> Result<StressReport> {
             let seed = args.seed.wrapping_add(index % args.seeds);
             let index = index / args.seeds;
             let random = StressCase::random(seed, index);
-            // Cases go through four kinds of stretch in turn: of each kind, one in `KEPT_EVERY` is written.
+            // Cases go through four kinds of stretch in turn: of each kind, one in `KEPT_EVERY` is
+            // written.
             let kept = (index / 4).is_multiple_of(KEPT_EVERY).then_some(path.as_path());
             let promised = matches!(random.1, Stretch::PromisedPair(..) | Stretch::Promised);
             let gradients = promised && (index / 4).is_multiple_of(GRADIENTS_EVERY);
@@ -275,7 +280,8 @@ fn verdict(report: &StressReport) -> Result<()> {
     )))
 }
 
-/// Draws one case and prints every error by its promise; fails where one is larger than a promise that holds for it allows.
+/// Draws one case and prints every error by its promise; fails where one is larger than a promise
+/// that holds for it allows.
 fn replay(case: &StressCase) -> Result<()> {
     let errors = alone(|| figures(case))?;
     let worst = |row: &PromiseRow| errors.worst(row.promise);

@@ -1,5 +1,5 @@
-//! What is promised of the rasterisers and the files, in numbers: the one table, which `trisplat-bench stress` checks and
-//! docs/numerics.md repeats.
+//! What is promised of the rasterisers and the files, in numbers: the one table, which
+//! `trisplat-bench stress` checks and docs/numerics.md repeats.
 
 use super::axes::Axis;
 
@@ -25,14 +25,17 @@ pub(super) fn domain(axis: Axis) -> (f64, f64) {
 /// What is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Promise {
-    /// 99.9% of the values of soft frames: error relative to 1 or to the largest sum of magnitudes in a colour.
+    /// 99.9% of the values of soft frames: error relative to 1 or to the largest sum of magnitudes
+    /// in a colour.
     Frames,
-    /// The largest such error of a case: single precision may take a pixel to the other side of a jump, but rarely.
+    /// The largest such error of a case: single precision may take a pixel to the other side of a
+    /// jump, but rarely.
     WorstFrame,
-    /// 99.9% of the entries of gradients: error relative to the largest entry of the triangle's group (vertices, opacity,
-    /// σ, SH), or to 2% of the largest of all triangles.
+    /// 99.9% of the entries of gradients: error relative to the largest entry of the triangle's
+    /// group (vertices, opacity, σ, SH), or to 2% of the largest of all triangles.
     Gradients,
-    /// Numbers of a case's frame and gradients that are not finite, gradients that were dropped for it included.
+    /// Numbers of a case's frame and gradients that are not finite, gradients that were dropped for
+    /// it included.
     NonFinite,
     /// Samples of a case on which the solid rasteriser shows a face that it cannot, or misses one.
     SolidSamples,
@@ -42,7 +45,8 @@ pub(super) enum Promise {
     BakedTriangles,
     /// Numbers of a bake of a soft case that are not finite.
     BakedNonFinite,
-    /// Time of the soft rasteriser, forward and backward, over that of the ordinary case and its layers.
+    /// Time of the soft rasteriser, forward and backward, over that of the ordinary case and its
+    /// layers.
     Time,
 }
 
@@ -51,14 +55,15 @@ pub(super) enum Promise {
 pub(super) enum On {
     /// Those whose values lie in [`domain`].
     Domain,
-    /// All of them, to the ends of the axes, whose triangles are no longer than [`REACH`] times their depth.
+    /// All of them, to the ends of the axes, whose triangles are no longer than [`REACH`] times
+    /// their depth.
     Reach,
     /// All of them, to the ends of the axes.
     Everything,
 }
 
-/// Longest side of a triangle over its depth, up to which the solid rasteriser's promise holds: its corners' depths are
-/// differences of coordinates of that size in single precision.
+/// Longest side of a triangle over its depth, up to which the solid rasteriser's promise holds: its
+/// corners' depths are differences of coordinates of that size in single precision.
 pub(super) const REACH: f64 = 100.0;
 
 /// A row of the table.

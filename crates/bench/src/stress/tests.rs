@@ -1,4 +1,5 @@
-//! The promises on cases of the suite and in the docs, and what must not change a picture: a scene is drawn both ways.
+//! The promises on cases of the suite and in the docs, and what must not change a picture: a scene
+//! is drawn both ways.
 
 use super::case::{SIDE, StressScene};
 use super::draw::{UNDECIDED, color_scale};
@@ -73,7 +74,8 @@ fn promises_hold_on_the_cases_of_the_suite() {
     assert!(report.promises.iter().all(|promise| promise.of > 100));
 }
 
-/// Case of seed 3 among 150,000: parallel slivers, a millionth of their distance apart and 444 times as long as high.
+/// Case of seed 3 among 150,000: parallel slivers, a millionth of their distance apart and 444
+/// times as long as high.
 #[test]
 fn slivers_a_millionth_apart_hide_each_other_as_far_as_their_depths_are_exact() {
     let axes = [(Axis::Aspect, 443.764_202_811_409_6), (Axis::Gap, 9.214_683_723_385_382e-7)];
@@ -149,7 +151,8 @@ const CHANGES: [(Change, f64); 8] = [
     (Change::Avx2, 1e-4),
 ];
 
-/// The values of a picture's pixels (colour and transmittance), and the faces that the solid rasteriser shows.
+/// The values of a picture's pixels (colour and transmittance), and the faces that the solid
+/// rasteriser shows.
 struct Drawn {
     values: Vec<[f32; 4]>,
     faces: Vec<u32>,

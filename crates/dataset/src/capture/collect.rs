@@ -112,10 +112,12 @@ pub(super) fn inputs(sources: &Sources, options: &CaptureOptions) -> Result<Vec<
     files.map(about).chain(frames).collect()
 }
 
-/// The photos that an earlier run took from `inputs` into `folder`; `None` for a new or empty folder, and for one that was set aside
-/// because of `force`. Says so in `warnings`.
+/// The photos that an earlier run took from `inputs` into `folder`; `None` for a new or empty
+/// folder, and for one that was set aside because of `force`. Says so in `warnings`.
 ///
-/// Errors: a folder that holds something else.
+/// # Errors
+///
+/// A folder that holds something else.
 pub(super) fn taken_before(
     folder: &Path,
     inputs: &[String],
@@ -171,8 +173,8 @@ fn holds_something(folder: &Path) -> bool {
     std::fs::read_dir(folder).is_ok_and(|mut entries| entries.any(counts))
 }
 
-/// Collects the photos of `sources` in a folder: all of them or none. With `skip_broken` those that cannot be read are left out, which a
-/// warning says.
+/// Collects the photos of `sources` in a folder: all of them or none. With `skip_broken` those that
+/// cannot be read are left out, which a warning says.
 pub(super) fn collect(
     sources: &Sources,
     inputs: Vec<String>,
@@ -384,7 +386,8 @@ impl Opened {
     }
 }
 
-/// Names of `photos` that differ, also where upper and lower case are one. Photos that keep their format choose first.
+/// Names of `photos` that differ, also where upper and lower case are one. Photos that keep their
+/// format choose first.
 fn distinct(photos: &[Opened], by_folder: bool) -> Vec<String> {
     let mut taken = HashSet::new();
     let mut names = vec![String::new(); photos.len()];
@@ -399,7 +402,8 @@ fn distinct(photos: &[Opened], by_folder: bool) -> Vec<String> {
     names
 }
 
-/// Folder name for a video's frames: no other video has it, also where upper and lower case are one, and none of the photos' `groups`.
+/// Folder name for a video's frames: no other video has it, also where upper and lower case are
+/// one, and none of the photos' `groups`.
 fn video_folder(video: &Path, before: &[TakenPhoto], groups: &BTreeSet<String>) -> String {
     // A list of pairs separates names by spaces.
     let stem =

@@ -51,9 +51,12 @@ pub(super) struct Converter {
 }
 
 impl Converter {
-    /// The first that is installed, with a folder for its files in `folder`. `photo` is named in the error.
+    /// The first that is installed, with a folder for its files in `folder`. `photo` is named in
+    /// the error.
     ///
-    /// Errors: none is.
+    /// # Errors
+    ///
+    /// None is.
     pub(super) fn find(options: &CaptureOptions, photo: &Path, folder: &Path) -> Result<Self> {
         let mut ways: Vec<(PathBuf, Way)> = WAYS.map(|(program, way)| (program.into(), way)).into();
         let last = ways.len() - 1;
@@ -75,7 +78,9 @@ impl Converter {
 
     /// A JPEG file of `photo`.
     ///
-    /// Errors: what the program says of a photo that it cannot read.
+    /// # Errors
+    ///
+    /// What the program says of a photo that it cannot read.
     pub(super) fn convert(&self, photo: &Path) -> Result<PathBuf> {
         let number = self.made.fetch_add(1, Ordering::Relaxed);
         let at = |ending: &str| self.folder.path().join(format!("{number}.{ending}"));
@@ -105,7 +110,8 @@ impl Converter {
         Err(Error::malformed(photo, "HEIC", reason))
     }
 
-    /// Refuses a picture of `size` of a `photo` that is larger, if this program may read a part only.
+    /// Refuses a picture of `size` of a `photo` that is larger, if this program may read a part
+    /// only.
     pub(super) fn check(&self, photo: &Path, whole: Option<UVec2>, size: UVec2) -> Result<()> {
         let is_part = whole.is_some_and(|whole| whole.max_element() > size.max_element());
         if is_part && self.program == Path::new(FFMPEG) {

@@ -32,7 +32,8 @@ pub(super) fn tell(observer: StageObserver<'_>, event: StageEvent<'_>) -> Result
 pub(super) struct Log {
     path: PathBuf,
     file: File,
-    /// Locked, and the standard input of every program: one that outlives this process keeps the lock.
+    /// Locked, and the standard input of every program: one that outlives this process keeps the
+    /// lock.
     lock: File,
 }
 
@@ -47,7 +48,9 @@ pub(super) struct Ended {
 impl Log {
     /// Opens the log at `path` for appending.
     ///
-    /// Errors: a program that another run started for this log is still running.
+    /// # Errors
+    ///
+    /// A program that another run started for this log is still running.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let lock = locked(&path.with_extension("lock"))?;
         let file =
@@ -55,7 +58,8 @@ impl Log {
         Ok(Self { path: path.to_owned(), file, lock })
     }
 
-    /// Runs `command` to its end, or until `observer` stops it. `hear` gets each line of its output.
+    /// Runs `command` to its end, or until `observer` stops it. `hear` gets each line of its
+    /// output.
     pub(super) fn run(
         &mut self,
         command: &mut Command,
@@ -88,7 +92,8 @@ impl Log {
         self.succeeded(command, &ended)
     }
 
-    /// Runs `command` and passes its binary standard output to `read`. Standard error goes to the log.
+    /// Runs `command` and passes its binary standard output to `read`. Standard error goes to the
+    /// log.
     pub(super) fn stream(
         &mut self,
         command: &mut Command,
@@ -167,7 +172,8 @@ struct Tail {
 }
 
 impl Tail {
-    /// Passes on what was written since the last call; the begun line too, if the program has `ended`.
+    /// Passes on what was written since the last call; the begun line too, if the program has
+    /// `ended`.
     fn hear(&mut self, ended: bool, mut hear: impl FnMut(&str) -> Result<()>) -> Result<()> {
         loop {
             let room = LONGEST - self.line.len() as u64;
@@ -207,8 +213,8 @@ fn locked(path: &Path) -> Result<File> {
     }
 }
 
-/// Start a command of another program. Its paths must be full ones: it runs in a folder of its own, where nothing of the user's is
-/// found by its name alone.
+/// Start a command of another program. Its paths must be full ones: it runs in a folder of its own,
+/// where nothing of the user's is found by its name alone.
 pub(super) fn program(path: &Path) -> Command {
     // The system looks for a name without a folder in PATH.
     let is_name = path.components().count() == 1 && path.is_relative();
@@ -224,7 +230,8 @@ pub(super) fn full_path(path: &Path) -> Result<PathBuf> {
     std::path::absolute(path).map_err(|e| Error::io(path, e))
 }
 
-/// Return the output of a short command that runs in an empty folder; `None` if the program is missing or fails silently.
+/// Return the output of a short command that runs in an empty folder; `None` if the program is
+/// missing or fails silently.
 pub(super) fn said(command: &mut Command) -> Option<String> {
     let folder = tempfile::tempdir();
     command.current_dir(folder.as_ref().map_or(Path::new("/"), tempfile::TempDir::path));

@@ -1,4 +1,5 @@
-//! From camera photos or a video to a data set with poses. COLMAP or pycolmap finds the poses, if one is installed.
+//! From camera photos or a video to a data set with poses. COLMAP or pycolmap finds the poses, if
+//! one is installed.
 
 mod collect;
 mod heic;

@@ -1,4 +1,5 @@
-//! The steps that a pose program performs: features, matches, model. Matching continues where an earlier run stopped.
+//! The steps that a pose program performs: features, matches, model. Matching continues where an
+//! earlier run stopped.
 
 use super::collect::{TakenPhotos, WORK};
 use super::log::{Ended, Log, full_path, tell};
@@ -20,7 +21,8 @@ const UNFINISHED: [&str; 4] =
     ["features.db", "features.db-shm", "features.db-wal", "features.db-journal"];
 /// Most photos that are compared exhaustively if there is another way.
 const MOST_EXHAUSTIVE: usize = 150;
-/// Number of following frames that a frame is compared with, besides those 16, 32, 64, ... frames later.
+/// Number of following frames that a frame is compared with, besides those 16, 32, 64, ... frames
+/// later.
 const NEIGHBOURS: usize = 10;
 /// Number of video frames that are all compared with each other, to close loops.
 const LANDMARKS: usize = 40;
@@ -93,7 +95,9 @@ pub(super) fn has_model(folder: &Path) -> bool {
 
 /// Details of the model that an earlier run has put in its place.
 ///
-/// Errors: another mapper is asked for.
+/// # Errors
+///
+/// Another mapper is asked for.
 pub(super) fn model_before(
     folder: &Path,
     photos: &TakenPhotos,
@@ -119,7 +123,9 @@ pub(super) fn model_before(
 impl<'a> Poses<'a> {
     /// Work on `photos` in `folder`.
     ///
-    /// Errors: a program that an earlier run has started still works there.
+    /// # Errors
+    ///
+    /// A program that an earlier run has started still works there.
     pub(super) fn begin(
         program: Program,
         folder: &'a Path,
@@ -154,7 +160,8 @@ impl<'a> Poses<'a> {
         if self.places.database.is_file() {
             return Ok(false);
         }
-        // Photos that a second process adds to a database would get a camera of their own: its lens, found from a few photos, may be absurd.
+        // Photos that a second process adds to a database would get a camera of their own: its
+        // lens, found from a few photos, may be absurd.
         let work = folder_of(&self.places.database).to_owned();
         for path in UNFINISHED.map(|name| work.join(name)).iter().filter(|path| path.exists()) {
             std::fs::remove_file(path).map_err(|e| Error::io(path, e))?;
@@ -326,7 +333,8 @@ fn pairing(
     }
 }
 
-/// The largest of the models that `mapper` has written to `output`; the program's first one of equals.
+/// The largest of the models that `mapper` has written to `output`; the program's first one of
+/// equals.
 fn largest(output: &Path, mapper: Mapper, photos: &TakenPhotos) -> Result<Option<FoundModel>> {
     let mut folders: Vec<PathBuf> = input::entries(output).collect();
     folders.sort();
@@ -347,7 +355,8 @@ fn largest(output: &Path, mapper: Mapper, photos: &TakenPhotos) -> Result<Option
     }))
 }
 
-/// Pairs of `count` video frames to compare: neighbours, powers of two apart, and all pairs of landmarks.
+/// Pairs of `count` video frames to compare: neighbours, powers of two apart, and all pairs of
+/// landmarks.
 fn sequence_pairs(count: usize) -> BTreeSet<(usize, usize)> {
     let near = |a: usize| {
         (1..=NEIGHBOURS).chain((4..20).map(|power| 1 << power)).map(move |by| (a, a + by))
@@ -358,7 +367,8 @@ fn sequence_pairs(count: usize) -> BTreeSet<(usize, usize)> {
     (0..count).flat_map(near).filter(|(_, b)| *b < count).chain(far).collect()
 }
 
-/// Progress from a line like "Processed file [12/50]" or "Matching block [2/4, 1/4]": done and total.
+/// Progress from a line like "Processed file [12/50]" or "Matching block [2/4, 1/4]": done and
+/// total.
 fn counted(line: &str) -> Option<(u64, u64)> {
     let starts = ["Processed file [", "Matching block [", "Matching image ["];
     let (_, rest) = starts.iter().find_map(|start| line.split_once(start))?;
@@ -380,7 +390,8 @@ fn counted(line: &str) -> Option<(u64, u64)> {
     }
 }
 
-/// Number of registered photos from a line like "Registering image #29 (num_reg_frames=34)" or "Registering image #29 (34)".
+/// Number of registered photos from a line like "Registering image #29 (num_reg_frames=34)" or
+/// "Registering image #29 (34)".
 fn registered(line: &str) -> Option<u64> {
     let (_, rest) = line.split_once("Registering image #")?;
     let digits = rest.split_once('(')?.1.trim_start_matches("num_reg_frames=");

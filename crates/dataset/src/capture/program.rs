@@ -78,7 +78,9 @@ pub(super) enum Pairing {
 impl Program {
     /// The requested program, or the first installed one. `input` is named in the error.
     ///
-    /// Errors: no program is installed.
+    /// # Errors
+    ///
+    /// No program is installed.
     pub(super) fn find(options: &CaptureOptions, input: &Path) -> Result<Self> {
         if let Some(path) = named(options) {
             let found = if is_python(&path) { Self::pycolmap(&path) } else { Self::colmap(&path) };
@@ -282,15 +284,16 @@ pub struct CaptureOptions {
     /// Most frames of each video; fewer if the camera moves little.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 150, value_parser = clap::value_parser!(u32).range(2..=10_000)))]
     pub frames: u32,
-    /// Pose program: a colmap, or a Python with pycolmap; by default the one in TRISPLAT_POSES, or the first that is
-    /// installed.
+    /// Pose program: a colmap, or a Python with pycolmap; by default the one in TRISPLAT_POSES, or
+    /// the first that is installed.
     #[cfg_attr(feature = "cli", arg(long, value_name = "PROGRAM"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub poses: Option<PathBuf>,
     /// How poses are reconstructed.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub mapper: Mapper,
-    /// A vocabulary tree of COLMAP. It chooses the pairs to compare if there are more than 150 photos.
+    /// A vocabulary tree of COLMAP. It chooses the pairs to compare if there are more than 150
+    /// photos.
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vocab_tree: Option<PathBuf>,

@@ -1,4 +1,5 @@
-//! The steps of a capture, from photos and videos to a data set with poses. Finished steps are not repeated.
+//! The steps of a capture, from photos and videos to a data set with poses. Finished steps are not
+//! repeated.
 //!
 //! ```text
 //! inputs ──► photos ──► features ──► matches ──► model ──► verdict
@@ -56,11 +57,13 @@ impl Capture {
         }
     }
 
-    /// Makes the data set and adds its steps to `report`. Returns the verdict, or `None` if `observer` stopped it: the next run
-    /// of the same inputs continues from there.
+    /// Makes the data set and adds its steps to `report`. Returns the verdict, or `None` if
+    /// `observer` stopped it: the next run of the same inputs continues from there.
     ///
-    /// Errors: unreadable inputs; no pose program, or one that fails; photos that do not fit together; a folder that holds
-    /// something else.
+    /// # Errors
+    ///
+    /// Unreadable inputs; no pose program, or one that fails; photos that do not fit together; a
+    /// folder that holds something else.
     pub fn run(
         &self,
         report: &mut Report,
@@ -173,8 +176,8 @@ impl Run<'_> {
     }
 }
 
-/// Refuses photos in the output folder, and an output folder among the photos: the next run would take its photos as inputs.
-/// `option` names the folder.
+/// Refuses photos in the output folder, and an output folder among the photos: the next run would
+/// take its photos as inputs. `option` names the folder.
 pub fn check_apart(option: &str, folder: &Path, photos: &[PathBuf]) -> Result<()> {
     for photo in photos {
         if photo.is_dir() && lies_inside(folder, photo) {

@@ -43,7 +43,9 @@ enum Kind {
 impl Sources {
     /// Finds the photos and videos in `inputs`, which are files or folders.
     ///
-    /// Errors: a missing file; an unsupported photo format; no photos or videos.
+    /// # Errors
+    ///
+    /// A missing file; an unsupported photo format; no photos or videos.
     pub(super) fn find(inputs: &[PathBuf]) -> Result<Self> {
         let mut found = Self::default();
         for input in inputs {
@@ -167,7 +169,8 @@ fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// The photos and videos at `input`, a file or a folder, including those of kinds that are not read.
+/// The photos and videos at `input`, a file or a folder, including those of kinds that are not
+/// read.
 pub fn camera_files(input: &Path) -> Vec<PathBuf> {
     let mut files = if input.is_dir() { files_below(input) } else { vec![input.to_owned()] };
     files.retain(|path| is_camera_file(path));
@@ -234,7 +237,8 @@ mod tests {
         for name in ["in/b.jpg", "in/more/c.jpg"] {
             std::fs::write(at(name), "").unwrap();
         }
-        // Two links to the folder itself have no end, one to a file and one to a folder come before what they name.
+        // Two links to the folder itself have no end, one to a file and one to a folder come before
+        // what they name.
         for (to, link) in
             [("in", "in/x"), ("in", "in/y"), ("in/b.jpg", "in/a.jpg"), ("in/more", "in/a")]
         {

@@ -54,7 +54,8 @@ pub struct VerdictDetails {
     /// Mean reprojection error, px.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_px: Option<f64>,
-    /// Standard deviation of the photos' exposure, as a logarithm, between photos that show the same points.
+    /// Standard deviation of the photos' exposure, as a logarithm, between photos that show the
+    /// same points.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exposure: Option<f32>,
     /// Photos that are blurred compared with their neighbours.
@@ -171,7 +172,8 @@ fn listed<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
     names.take(LISTED).map(str::to_owned).collect()
 }
 
-/// Standard deviation of the photos' exposure, as a logarithm; `None` where too few can be compared.
+/// Standard deviation of the photos' exposure, as a logarithm; `None` where too few can be
+/// compared.
 fn spread(lights: &[Vec<Light>], names: &[&str], tracks: &Tracks) -> Option<f32> {
     let sizes: HashMap<&str, UVec2> =
         tracks.photos.iter().map(|photo| (photo.name.as_str(), photo.size)).collect();

@@ -25,7 +25,9 @@ pub(super) struct Ffmpeg {
 impl Ffmpeg {
     /// Finds ffmpeg. `video` is named in the error.
     ///
-    /// Errors: ffmpeg is not installed.
+    /// # Errors
+    ///
+    /// Ffmpeg is not installed.
     pub(super) fn find(video: &Path) -> Result<Self> {
         let text = said(program(FFMPEG.as_ref()).arg("-version"));
         let Some(text) = text.filter(|text| text.contains("ffmpeg version")) else {
@@ -39,7 +41,8 @@ impl Ffmpeg {
         Ok(Self { passthrough })
     }
 
-    /// Writes the chosen frames of `video`, at most `most`, into `folder`. Returns their names and the video's frame count.
+    /// Writes the chosen frames of `video`, at most `most`, into `folder`. Returns their names and
+    /// the video's frame count.
     pub(super) fn take(
         &self,
         video: &Path,
@@ -191,7 +194,8 @@ pub(super) struct Grey {
 pub(super) struct FrameNotes {
     /// Motion since the start of the video, as a multiple of the longer side.
     pub(super) moved: f32,
-    /// Energy of the finest detail relative to contrast; comparable between neighbouring frames only.
+    /// Energy of the finest detail relative to contrast; comparable between neighbouring frames
+    /// only.
     pub(super) sharpness: f32,
 }
 
@@ -423,7 +427,8 @@ mod tests {
         (0..161).for_each(|i| watch.add(&frame(4.0 * i as f32, i % 4 != 0)));
         let chosen = choose(&watch.frames, 150);
         assert!((25..=50).contains(&chosen.len()), "{chosen:?}");
-        // Every fourth is sharp; a window where motion is found in larger steps may hold none of these.
+        // Every fourth is sharp; a window where motion is found in larger steps may hold none of
+        // these.
         let blurred = chosen.iter().filter(|i| *i % 4 != 0).count();
         assert!(10 * blurred <= chosen.len(), "{chosen:?}");
         assert!(choose(&watch.frames, 10).len() <= 10);

@@ -1,13 +1,14 @@
-//! A phone's changes to the light of each photo: exposure, white balance, and the lens's falloff towards the
-//! corners.
+//! A phone's changes to the light of each photo: exposure, white balance, and the lens's falloff
+//! towards the corners.
 //!
 //! ```text
 //! photo(x) = scene(x) · exp(gain of the photo and channel - falloff of the camera · (r² - 1/3))        in linear light
 //! ```
 //!
-//! with r the distance from the middle of the picture, 1 in its corners; the mean of r² over a picture is 1/3, so falloff does not change
-//! its mean. Gains of a channel have the mean zero over all photos. Photos are corrected, not drawings, so training on any device, fitted
-//! colours and textures see the same light.
+//! with r the distance from the middle of the picture, 1 in its corners; the mean of r² over a
+//! picture is 1/3, so falloff does not change its mean. Gains of a channel have the mean zero over
+//! all photos. Photos are corrected, not drawings, so training on any device, fitted colours and
+//! textures see the same light.
 
 use glam::{UVec2, Vec2};
 use schemars::JsonSchema;
@@ -20,7 +21,8 @@ use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ExposureUse {
-    /// As far as photos that a short training leaves out confirm the estimates; a bake follows the training.
+    /// As far as photos that a short training leaves out confirm the estimates; a bake follows the
+    /// training.
     #[default]
     Auto,
     /// In full.
@@ -146,7 +148,8 @@ impl Exposures {
             && self.falloff.get(index).is_none_or(|x| plain(*x))
     }
 
-    /// The corrected photo `index`; `None` if it needs no correction. Saturated pixels hardly count.
+    /// The corrected photo `index`; `None` if it needs no correction. Saturated pixels hardly
+    /// count.
     pub fn correct(&self, index: usize, photo: &RgbImage) -> Option<RgbImage> {
         if self.is_plain(index) {
             return None;
@@ -229,9 +232,11 @@ pub struct Solved {
     pub exposures: Exposures,
     /// Standard errors of the gains; infinite for photos without a usable estimate. `[photos]`
     pub errors: Vec<[f32; 3]>,
-    /// Gains less the mean of other photos at the same points: what a scene of the others lacks. `[photos]`
+    /// Gains less the mean of other photos at the same points: what a scene of the others lacks.
+    /// `[photos]`
     pub beside_others: Vec<[f32; 3]>,
-    /// Slope of r² less its mean over other photos at the same point on r²: the part of a falloff that a scene of the others lacks.
+    /// Slope of r² less its mean over other photos at the same point on r²: the part of a falloff
+    /// that a scene of the others lacks.
     pub falloff_beside_others: f32,
 }
 
@@ -257,7 +262,8 @@ pub struct ExposureDetails {
     /// The differences; absent where they were not measured.
     #[serde(default, flatten, skip_serializing_if = "Option::is_none")]
     pub verdict: Option<Verdict>,
-    /// The correction of each training photo, in order of name; empty where photos are taken as they are.
+    /// The correction of each training photo, in order of name; empty where photos are taken as
+    /// they are.
     #[serde(default, flatten)]
     pub exposures: Exposures,
 }
@@ -278,7 +284,8 @@ impl Solved {
         }
     }
 
-    /// The corrections by these `strengths`; `None` of none. Uncertain gains count less: by the share of their variance that is no error.
+    /// The corrections by these `strengths`; `None` of none. Uncertain gains count less: by the
+    /// share of their variance that is no error.
     pub fn corrections(&self, strengths: Strengths) -> Option<Exposures> {
         if strengths.is_none() || self.exposures.gains.is_empty() {
             return None;
@@ -328,8 +335,8 @@ fn channels([mean, red, blue]: [f32; 3]) -> [f32; 3] {
     [green + red, green, green + blue]
 }
 
-/// Standard errors of the modes. Errors of the channels are assumed equal in the mean, and independent in the
-/// differences.
+/// Standard errors of the modes. Errors of the channels are assumed equal in the mean, and
+/// independent in the differences.
 fn mode_errors([red, green, blue]: &[f32; 3]) -> [f32; 3] {
     [(red + green + blue) / 3.0, red.hypot(*green), blue.hypot(*green)]
 }

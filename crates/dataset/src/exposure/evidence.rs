@@ -1,13 +1,16 @@
 //! How far photos that a training left out confirm the exposures that tracked points predict.
 //!
-//! A scene takes up what neighbouring photos have in common. So beside its drawing, a left-out photo shows only the part of its exposure
-//! that its neighbours lack: the slope b of what it shows on what its points predict. b is 1 where exposures differ from photo to photo,
-//! near 0 where they change smoothly around the scene, or where the estimates are wrong. The points tell a second b, the slope of gains
-//! beside those of other photos at the same points; a long training takes up more than a short one, so the smaller b counts.
+//! A scene takes up what neighbouring photos have in common. So beside its drawing, a left-out
+//! photo shows only the part of its exposure that its neighbours lack: the slope b of what it shows
+//! on what its points predict. b is 1 where exposures differ from photo to photo, near 0 where they
+//! change smoothly around the scene, or where the estimates are wrong. The points tell a second b,
+//! the slope of gains beside those of other photos at the same points; a long training takes up
+//! more than a short one, so the smaller b counts.
 //!
-//! With a share s of the gain corrected in all photos, a left-out photo of gain 1 differs from its drawing by s + (1 - s)·b, and photos
-//! still contradict the scene that they train by (1 - s)·b. The sum of both squares is least at s = 1 - (1 - b) / ((1 - b)² + b²): nothing
-//! is corrected up to b = 1/2, and all of it at b = 1.
+//! With a share s of the gain corrected in all photos, a left-out photo of gain 1 differs from its
+//! drawing by s + (1 - s)·b, and photos still contradict the scene that they train by (1 - s)·b.
+//! The sum of both squares is least at s = 1 - (1 - b) / ((1 - b)² + b²): nothing is corrected up
+//! to b = 1/2, and all of it at b = 1.
 
 use super::correction::{Strengths, modes};
 use super::light::Light;
@@ -17,7 +20,8 @@ use trisplat_scene::math::lists::median;
 
 /// Minimum number of left-out photos that can decide.
 const MIN_PHOTOS: usize = 3;
-/// Minimum mean of predicted differences: smaller ones of an 8-bit photo's light are less than a code.
+/// Minimum mean of predicted differences: smaller ones of an 8-bit photo's light are less than a
+/// code.
 const MIN_PREDICTION: f32 = 0.01;
 
 /// A photo that a training left out.
@@ -122,7 +126,8 @@ impl Fit {
     }
 }
 
-/// The slope through zero with the least sum of absolute errors: a median of quotients, weighted by what is predicted. 0 where nothing is.
+/// The slope through zero with the least sum of absolute errors: a median of quotients, weighted by
+/// what is predicted. 0 where nothing is.
 fn least_slope(pairs: impl Iterator<Item = [f32; 2]>) -> f32 {
     let usable = pairs.filter(|[predicted, _]| predicted.abs() > 1e-6);
     let mut quotients: Vec<[f32; 2]> =

@@ -29,8 +29,8 @@ pub struct Light {
 }
 
 impl Light {
-    /// The light of points, by their numbers and their places as shares of the width and height of `photo`. Masked, clipped and dark ones
-    /// are left out.
+    /// The light of points, by their numbers and their places as shares of the width and height of
+    /// `photo`. Masked, clipped and dark ones are left out.
     pub fn at_points(photo: &RgbImage, points: &[(u32, Vec2)]) -> Vec<Self> {
         let light = linear_of_srgb8();
         let rings = Rings::new(photo.size);
@@ -46,7 +46,8 @@ impl Light {
         points.iter().filter_map(read).collect()
     }
 
-    /// The light of cells beside that of a drawing of the same size, as a ratio of sums, which noise and small displacements hardly change.
+    /// The light of cells beside that of a drawing of the same size, as a ratio of sums, which
+    /// noise and small displacements hardly change.
     pub fn beside_drawing(photo: &RgbImage, drawn: &RgbImage) -> Vec<Self> {
         let size = photo.size;
         let rings = Rings::new(photo.size);
@@ -100,8 +101,8 @@ impl Light {
     }
 }
 
-/// The points that each training photo tracks, and their places as shares of its width and height; `None` where too few photos track points
-/// to compare them.
+/// The points that each training photo tracks, and their places as shares of its width and height;
+/// `None` where too few photos track points to compare them.
 pub fn compared_points(dataset: &Dataset) -> Option<Vec<Vec<(u32, Vec2)>>> {
     let photos = || dataset.train().filter(|view| !view.photo.is_drawn());
     let tracked = photos().filter(|view| view.tracked.len() >= MIN_POINTS).count();
@@ -109,7 +110,8 @@ pub fn compared_points(dataset: &Dataset) -> Option<Vec<Vec<(u32, Vec2)>>> {
     is_enough.then(|| dataset.train().map(|view| points_of(dataset, view)).collect())
 }
 
-/// The points that the photo of `view` tracks, but those that judge depth, with their places as shares of its width and height.
+/// The points that the photo of `view` tracks, but those that judge depth, with their places as
+/// shares of its width and height.
 pub fn points_of(dataset: &Dataset, view: &View) -> Vec<(u32, Vec2)> {
     let camera = &view.camera;
     let shown = dataset.tracked(view).filter(|(i, _)| !Dataset::judges_depth(*i));

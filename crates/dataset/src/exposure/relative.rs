@@ -3,8 +3,8 @@
 use super::light::Light;
 use std::collections::HashMap;
 
-/// The gain of each photo less the mean of `left`, what other photos have at its points; `None` where no other photo shows any. Only photos
-/// for which `is_used` count as others.
+/// The gain of each photo less the mean of `left`, what other photos have at its points; `None`
+/// where no other photo shows any. Only photos for which `is_used` count as others.
 pub(super) fn beside_others(
     lights: &[Vec<Light>],
     gains: &[[f32; 3]],

@@ -1,7 +1,8 @@
 //! Gains and falloff from the light of photos at points that several photos show.
 //!
-//! The light of a photo is photo + point - falloff · r², as logarithms. Photos, points and falloff are solved for in turn, channel by
-//! channel, with less weight for what shines, moves or does not match.
+//! The light of a photo is photo + point - falloff · r², as logarithms. Photos, points and falloff
+//! are solved for in turn, channel by channel, with less weight for what shines, moves or does not
+//! match.
 
 use super::correction::{Exposures, Solved};
 use super::light::{Light, MIN_POINTS};
@@ -16,16 +17,17 @@ const ROUNDS: [usize; 2] = [10, 8];
 const LEAST_SCALE: f32 = 0.02;
 /// Minimum photos of one camera for a falloff of its own; cameras of fewer photos share one.
 const MIN_PHOTOS_PER_CAMERA: usize = 4;
-/// Minimum standard deviation of r² within points and photos for an estimate of the falloff: where all points of each photo lie at one
-/// radius, falloff and gain are the same.
+/// Minimum standard deviation of r² within points and photos for an estimate of the falloff: where
+/// all points of each photo lie at one radius, falloff and gain are the same.
 const MIN_RADII: f64 = 0.03;
 /// Largest believed gain, and inverse of the smallest: three stops.
 const MAX_GAIN: f32 = 8.0;
 /// Lights at points that are solved for; more are thinned.
 const MOST: usize = 150_000;
 
-/// The exposures that best explain the light of photos at points, for cameras of these sizes; photos of one size share a camera. A photo
-/// has the mean gain and an infinite error where it shares too few points with most of the others, or where its gain is beyond three stops.
+/// The exposures that best explain the light of photos at points, for cameras of these sizes;
+/// photos of one size share a camera. A photo has the mean gain and an infinite error where it
+/// shares too few points with most of the others, or where its gain is beyond three stops.
 pub fn solve(photos: &[Vec<Light>], cameras: &[UVec2]) -> Solved {
     let all: usize = photos.iter().map(Vec::len).sum();
     let stride = (all / MOST + 1) as u32;
@@ -70,7 +72,8 @@ pub fn solve(photos: &[Vec<Light>], cameras: &[UVec2]) -> Solved {
     solved
 }
 
-/// Slope of r² less its mean over other photos at the same point on r², within photos; 0 where no point is in several.
+/// Slope of r² less its mean over other photos at the same point on r², within photos; 0 where no
+/// point is in several.
 fn radii_beside_others(seen: &[Seen], photos: usize, points: usize) -> f32 {
     let mut of_point = vec![[0.0f64; 2]; points];
     let mut of_photo = vec![[0.0f64; 3]; photos];
@@ -112,7 +115,8 @@ fn kinds(cameras: &[UVec2]) -> Vec<usize> {
     upright.iter().map(kind).collect()
 }
 
-/// Whether each photo tracks enough points and is tied by them to most of the others: between separate groups of photos gains say nothing.
+/// Whether each photo tracks enough points and is tied by them to most of the others: between
+/// separate groups of photos gains say nothing.
 fn tied(seen: &[Seen], photos: usize, points: usize) -> Vec<bool> {
     let mut groups = Sets::new(photos + points);
     let mut counts = vec![0; photos];
@@ -290,7 +294,8 @@ mod tests {
     use super::*;
     use trisplat_scene::Rng;
 
-    /// The lights of `truth.len()` photos that all show the same 400 points, at other places of each.
+    /// The lights of `truth.len()` photos that all show the same 400 points, at other places of
+    /// each.
     fn lights(
         truth: &[[f32; 3]],
         falloff: f32,
@@ -341,7 +346,8 @@ mod tests {
 
     #[test]
     fn gains_stay_where_falloff_cannot_be_told_from_them() {
-        // Each photo shows its points at one distance from its middle; each has a size of its own, or all have one.
+        // Each photo shows its points at one distance from its middle; each has a size of its own,
+        // or all have one.
         let ring = |photo: usize, _: usize| 0.1 + 0.15 * photo as f32;
         for sizes in [[0, 1, 2, 3, 4], [0; 5]].map(|add| add.map(|add| UVec2::new(160 + add, 120)))
         {

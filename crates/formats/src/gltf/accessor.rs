@@ -84,8 +84,8 @@ impl<'a> Accessors<'a> {
         entry(self.buffers.path(), "bufferView", &self.document.buffer_views, index)
     }
 
-    /// A checked accessor: every element is within its view, and the view's bytes exist. The caller counts
-    /// the elements' memory by [`Buffers::spend`].
+    /// A checked accessor: every element is within its view, and the view's bytes exist. The caller
+    /// counts the elements' memory by [`Buffers::spend`].
     pub(crate) fn layout(&mut self, index: usize) -> Result<ElementLayout> {
         let accessor = self.accessor(index)?;
         let place = || format!("accessor {index}");
@@ -352,14 +352,14 @@ fn number(layout: &ElementLayout, cell: &[u8]) -> f64 {
     if layout.normalized { (value / one).max(-1.0) } else { value }
 }
 
-// ---- Base-colour textures of an input, kept or turned into a colour per face ---------------------------
+// ---- Base-colour textures of an input, kept or turned into a colour per face --------------------
 
 /// The warning about a texture that cannot be read.
 pub(crate) const UNREAD: &str =
     "a texture is not read, its triangles have the base colour of their material";
 
-/// The faces of a primitive on a picture, or why there is none. `corner` maps a corner to its vertex in the primitive; the faces are those of
-/// the merged mesh.
+/// The faces of a primitive on a picture, or why there is none. `corner` maps a corner to its
+/// vertex in the primitive; the faces are those of the merged mesh.
 pub(crate) fn painted_faces(
     document: &Document,
     accessors: &mut Accessors,

@@ -189,7 +189,7 @@ impl<'a> Buffers<'a> {
     }
 }
 
-// ---- Addresses of buffers: relative URI references (RFC 3986) and `data:` URIs (RFC 2397) ------------
+// ---- Addresses of buffers: relative URI references (RFC 3986) and `data:` URIs (RFC 2397) -------
 
 /// Everything but the unreserved characters.
 const RESERVED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
@@ -225,7 +225,7 @@ pub(crate) fn data(uri: &str) -> Result<Vec<u8>, &'static str> {
     BASE64.decode(body).or_else(|_| BASE64_URL.decode(body)).map_err(|_| "is not valid base64")
 }
 
-// ---- The files that a document names -----------------------------------------------------------------
+// ---- The files that a document names ------------------------------------------------------------
 
 /// What of a document may name files. Buffers do so as pictures do.
 #[derive(Debug, Deserialize)]

@@ -1,5 +1,5 @@
-//! What engines reject or draw badly in a glTF file that reads: sizes, encodings, missing pictures. The rules of glTF 2.0 themselves are
-//! judged by Khronos' validator.
+//! What engines reject or draw badly in a glTF file that reads: sizes, encodings, missing pictures.
+//! The rules of glTF 2.0 themselves are judged by Khronos' validator.
 
 use super::accessor::{self, Accessors};
 use super::buffers::Buffers;
@@ -10,7 +10,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_scene::{Error, Result};
 
-/// Adds the findings of a glTF file; `for_engines` is false for a scene that only its own page reads.
+/// Adds the findings of a glTF file; `for_engines` is false for a scene that only its own page
+/// reads.
 pub(crate) fn check(
     mut source: Source,
     options: &ReadOptions,
@@ -77,7 +78,7 @@ fn check_pictures(document: &Document, accessors: &mut Accessors, findings: &mut
     }
 }
 
-// ---- Findings, and the list that collects them -------------------------------------------------------
+// ---- Findings, and the list that collects them --------------------------------------------------
 
 /// How bad a finding is.
 #[derive(

@@ -29,7 +29,8 @@ use trisplat_scene::camera::Viewpoint;
 use trisplat_scene::math::geometry::bounds;
 use trisplat_scene::{Provenance, UpAxis};
 
-/// The text of the document for `content`: compact in a GLB, indented beside a buffer of the name `bin_name`.
+/// The text of the document for `content`: compact in a GLB, indented beside a buffer of the name
+/// `bin_name`.
 pub(crate) fn json(content: &Content, bin_name: Option<&str>) -> Result<Vec<u8>> {
     let root = root(content, bin_name)?;
     encode::text(&root, bin_name.is_some())
@@ -249,8 +250,8 @@ fn node(mesh: usize, part: &ScenePart) -> Node {
     }
 }
 
-/// Whether there is something on all sides of the viewpoint. Outside of a thing a camera is no part of its file: editors that frame all of a
-/// file frame cameras too, and the thing becomes small.
+/// Whether there is something on all sides of the viewpoint. Outside of a thing a camera is no part
+/// of its file: editors that frame all of a file frame cameras too, and the thing becomes small.
 fn is_within(content: &Content, viewpoint: &Viewpoint) -> bool {
     let eye = DVec3::from(viewpoint.eye).as_vec3();
     let around = bounds(content.parts.iter().flat_map(|part| part.bounds));
@@ -295,8 +296,8 @@ fn viewpoint_camera(viewpoint: &Viewpoint, content: &Content) -> Camera {
 
 /// Name of the first viewpoint's node and camera.
 const VIEWPOINT: &str = "viewpoint";
-/// Its near plane as a share of the target's distance, and its far plane as a multiple of the farthest
-/// corner's.
+/// Its near plane as a share of the target's distance, and its far plane as a multiple of the
+/// farthest corner's.
 const NEAR: f64 = 0.01;
 const FAR: f64 = 2.0;
 
@@ -364,14 +365,14 @@ fn accessor(
     })
 }
 
-/// A number that prints as the shortest text that reads back as the same f32. JSON numbers are 64 bits wide:
-/// 0.1 itself would print as 0.10000000149011612.
+/// A number that prints as the shortest text that reads back as the same f32. JSON numbers are 64
+/// bits wide: 0.1 itself would print as 0.10000000149011612.
 fn shortest(x: f32) -> Result<Value> {
     serde_json::from_str(&serde_json::to_string(&x)?)
 }
 
-/// The views, one per stream, and the buffers: the file's own and, when compressed, the one that exists only
-/// after decoding.
+/// The views, one per stream, and the buffers: the file's own and, when compressed, the one that
+/// exists only after decoding.
 fn buffers(content: &Content, bin_name: Option<&str>) -> Result<(Vec<View>, Vec<Buffer>)> {
     let Content { options, parts, .. } = content;
     let (starts, decoded_bytes) =
@@ -438,7 +439,7 @@ fn object(name: &str, object: &impl Serialize) -> Result<Map<String, Value>> {
     Ok(std::iter::once((name.to_owned(), serde_json::to_value(object)?)).collect())
 }
 
-// ---- `asset.extras` of files of this program: provenance and storage of a scene ----------------------
+// ---- `asset.extras` of files of this program: provenance and storage of a scene -----------------
 
 /// Prefix of this program's versions.
 const PROGRAM: &str = "trisplat";

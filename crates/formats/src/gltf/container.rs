@@ -24,7 +24,7 @@ pub enum Container {
     Gltf,
 }
 
-// ---- written -------------------------------------------------------------------------------------
+// ---- written ------------------------------------------------------------------------------------
 
 /// Start of each stream, every one on a multiple of 4 bytes, and the end of the last.
 pub fn stream_offsets(lengths: impl Iterator<Item = u64>) -> (Vec<u64>, u64) {
@@ -117,7 +117,7 @@ fn length(bytes: u64) -> io::Result<[u8; 4]> {
     Ok(bytes.to_le_bytes())
 }
 
-// ---- read ----------------------------------------------------------------------------------------
+// ---- read ---------------------------------------------------------------------------------------
 
 /// The JSON of a glTF file, and the places of its chunks.
 #[derive(Debug)]

@@ -1,7 +1,7 @@
 //! The JSON document as it is read: only the glTF objects of a triangle scene.
 //!
-//! `gltf-json` has types for all of them, and two are used (the asset, the buffers). The others are this
-//! crate's own, because `gltf-json` 1.4 loses information, as shown by tests in
+//! `gltf-json` has types for all of them, and two are used (the asset, the buffers). The others are
+//! this crate's own, because `gltf-json` 1.4 loses information, as shown by tests in
 //! `tests/gltf_read/gltf_json.rs`:
 //!
 //! - Indices, modes and component types are taken modulo 2^32: mesh 4294967296 reads as mesh 0.
@@ -238,8 +238,8 @@ pub(crate) fn component_type(code: u32) -> Option<ComponentType> {
 }
 
 thread_local! {
-    /// Most entries of an array in the document being parsed, and the first larger number found. They are
-    /// thread-local, because serde passes no context to its functions.
+    /// Most entries of an array in the document being parsed, and the first larger number found.
+    /// They are thread-local, because serde passes no context to its functions.
     static ENTRIES: Cell<(u64, Option<u64>)> = const { Cell::new((0, None)) };
 }
 
@@ -292,7 +292,7 @@ pub(crate) fn limited<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     deserializer.deserialize_seq(Limited(PhantomData))
 }
 
-// ---- The node tree, with the place of every mesh ------------------------------------------------------
+// ---- The node tree, with the place of every mesh ------------------------------------------------
 
 /// A mesh shown by a node.
 #[derive(Debug)]
@@ -305,11 +305,12 @@ pub(crate) struct MeshInstance {
     pub(crate) transform: Option<DMat4>,
 }
 
-/// Every drawn mesh of the default scene, in the order of the tree, with its transform accumulated in f64.
+/// Every drawn mesh of the default scene, in the order of the tree, with its transform accumulated
+/// in f64.
 ///
 /// # Errors
-/// `Malformed` for indices out of range, for a node with two parents or in a cycle, and for transforms that
-/// are not finite.
+/// `Malformed` for indices out of range, for a node with two parents or in a cycle, and for
+/// transforms that are not finite.
 pub(crate) fn instances(
     path: &Path,
     document: &Document,
@@ -413,7 +414,7 @@ pub(crate) fn take_off(instances: &mut [MeshInstance], origin: DVec3) {
     }
 }
 
-// ---- The glTF extensions read and written ---------------------------------------------------------
+// ---- The glTF extensions read and written -------------------------------------------------------
 
 /// The material shows its colour without lights.
 pub(crate) const UNLIT: &str = "KHR_materials_unlit";
@@ -424,7 +425,8 @@ pub(crate) const DRACO: &str = "KHR_draco_mesh_compression";
 /// Many copies of a node's mesh.
 pub(crate) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
-/// Extensions that a file may require: those that are read, and those that only change the look of a surface.
+/// Extensions that a file may require: those that are read, and those that only change the look of
+/// a surface.
 const READABLE: [&str; 12] = [
     format::GLTF_EXTENSION,
     format::SPZ_EXTENSION,
@@ -447,7 +449,7 @@ pub(crate) fn is_readable(name: &str) -> bool {
     READABLE.contains(&name) || name.starts_with("KHR_materials_")
 }
 
-// ---- Limits on sizes and counts of files, shared by reading and writing ------------------------------
+// ---- Limits on sizes and counts of files, shared by reading and writing -------------------------
 
 const GIB: u64 = 1 << 30;
 

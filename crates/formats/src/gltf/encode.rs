@@ -1,4 +1,5 @@
-//! The binary buffer: positions, normals, colours and indices as glTF stores them, compressed or not.
+//! The binary buffer: positions, normals, colours and indices as glTF stores them, compressed or
+//! not.
 
 use super::container::{stream_offsets, write_padding};
 use super::options::{ColorEncoding, GltfOptions};
@@ -228,7 +229,7 @@ static CODES: LazyLock<[f32; 256]> = LazyLock::new(|| {
     })
 });
 
-// ---- Streams compressed with meshopt ------------------------------------------------------------------
+// ---- Streams compressed with meshopt ------------------------------------------------------------
 
 /// EXT_meshopt_compression knows vertex codec version 0 only; the crate's own default is 1.
 const VERTEX_CODEC: i32 = 0;
@@ -278,7 +279,7 @@ fn refused(part: &ScenePart, why: &str) -> String {
     format!("meshopt could not encode {}: {why}; write without compression", part.name)
 }
 
-// ---- The layout of the binary buffer: the streams of all parts, compressed or not, then pictures ------
+// ---- The layout of the binary buffer: the streams of all parts, compressed or not, then pictures
 
 /// The content of a file, without the bytes themselves.
 pub(crate) struct Content<'a> {
@@ -351,7 +352,7 @@ impl<'a> Content<'a> {
     }
 }
 
-// ---- JSON in which numbers far from 0 have all their digits ------------------------------------------
+// ---- JSON in which numbers far from 0 have all their digits -------------------------------------
 
 /// The text of `value`, on one line or indented.
 pub(crate) fn text(value: &impl Serialize, is_pretty: bool) -> serde_json::Result<Vec<u8>> {

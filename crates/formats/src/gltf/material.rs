@@ -1,6 +1,7 @@
 //! Materials and textures of a document: what colours a surface, and how a picture lies on it.
 //!
-//! Of a material only its colour without lights and its sides are read. Faults in it cost no more than these.
+//! Of a material only its colour without lights and its sides are read. Faults in it cost no more
+//! than these.
 
 use gltf_json::material::{AlphaCutoff, AlphaMode};
 use gltf_json::validation::Checked;
@@ -34,7 +35,8 @@ const SRGB_HINTS: [&str; 3] = ["-vcol", "$vcol", "_vcol"];
 pub(crate) type Paint<'a> = ([f32; 4], Option<&'a TextureInfo>);
 
 impl Material {
-    /// The colour of its surface, or its own light where that is black; and whether there is more light, which is not read.
+    /// The colour of its surface, or its own light where that is black; and whether there is more
+    /// light, which is not read.
     pub(crate) fn paint(&self) -> (Paint<'_>, bool) {
         let base = match &self.extensions.specular_glossiness {
             Some(gloss) => gloss,
@@ -63,7 +65,8 @@ impl Material {
         self.double_sided.unwrap_or(false)
     }
 
-    /// True when Godot, and only Godot, reads its vertex colours as sRGB, because of the ending of its name.
+    /// True when Godot, and only Godot, reads its vertex colours as sRGB, because of the ending of
+    /// its name.
     pub(crate) fn is_srgb(&self) -> bool {
         let name = self.name.as_deref().unwrap_or_default().to_ascii_lowercase();
         SRGB_HINTS.iter().any(|hint| name.ends_with(hint))

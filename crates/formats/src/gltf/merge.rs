@@ -78,8 +78,9 @@ impl<'a> MergedMesh<'a> {
         }
     }
 
-    /// Reserves memory for all vertices, after checking that they exist and do not exceed the limit. Returns the
-    /// origin to subtract from every position: zero, unless a node moves its mesh too far for f32.
+    /// Reserves memory for all vertices, after checking that they exist and do not exceed the
+    /// limit. Returns the origin to subtract from every position: zero, unless a node moves its
+    /// mesh too far for f32.
     pub(crate) fn reserve(&mut self, instances: &[MeshInstance]) -> Result<DVec3> {
         let is_far = |transform: DMat4| is_far(transform.w_axis.truncate());
         let far = instances.iter().any(|instance| instance.transform.is_some_and(is_far));
@@ -120,7 +121,8 @@ impl<'a> MergedMesh<'a> {
         Ok(origin_of(sample))
     }
 
-    /// The accessor of a primitive's positions; none, with a warning, for a primitive without triangles.
+    /// The accessor of a primitive's positions; none, with a warning, for a primitive without
+    /// triangles.
     fn position(&mut self, primitive: &Primitive) -> Result<Option<usize>> {
         if !(TRIANGLES..=TRIANGLE_FAN).contains(&primitive.mode) {
             self.warn("points and lines are not read");
@@ -437,7 +439,8 @@ impl<'a> MergedMesh<'a> {
         }));
     }
 
-    /// Appends the sides of a primitive's faces; the list stays empty while everything is drawn from both.
+    /// Appends the sides of a primitive's faces; the list stays empty while everything is drawn
+    /// from both.
     fn push_sides(&mut self, part: &PrimitiveFaces, is_double_sided: bool) {
         if is_double_sided && self.mesh.single_sided.is_empty() {
             return;

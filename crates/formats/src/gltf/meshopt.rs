@@ -1,7 +1,7 @@
 //! EXT_meshopt_compression: the extension of a buffer view, and the decoder of views of any file.
 //!
-//! The decoders of meshoptimizer tolerate hostile bytes but trust the caller's counts. So counts are limited
-//! here to values that an encoder can reach.
+//! The decoders of meshoptimizer tolerate hostile bytes but trust the caller's counts. So counts
+//! are limited here to values that an encoder can reach.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 pub(crate) const MESHOPT: &str = "EXT_meshopt_compression";
 /// The later name of [`MESHOPT`].
 pub(crate) const MESHOPT_KHR: &str = "KHR_meshopt_compression";
-/// Most unpacked bytes of a file, as a multiple of its size. A block of 256 compressed vertices costs at
-/// least one byte for every four channels, so meshopt reaches about 1000; a mesh that many nodes show can
-/// promise any number.
+/// Most unpacked bytes of a file, as a multiple of its size. A block of 256 compressed vertices
+/// costs at least one byte for every four channels, so meshopt reaches about 1000; a mesh that many
+/// nodes show can promise any number.
 pub(crate) const MAX_UNPACK_RATIO: u64 = 1024;
 
 /// [`MESHOPT`] on a buffer view: the place of its compressed bytes, and their decoded form.
@@ -26,7 +26,8 @@ pub(crate) struct CompressedView {
     pub(crate) count: u64,
     /// "ATTRIBUTES", "TRIANGLES" or "INDICES".
     pub(crate) mode: String,
-    /// "NONE", "EXPONENTIAL" or "COLOR"; filters of other data than positions and colours are not read.
+    /// "NONE", "EXPONENTIAL" or "COLOR"; filters of other data than positions and colours are not
+    /// read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) filter: Option<String>,
 }

@@ -1,6 +1,7 @@
 //! glTF 2.0 and GLB, written and read.
 //!
-//! In: assets. Out: bytes of glTF, byte for byte as engines want them. In: bytes of glTF. Out: scenes.
+//! In: assets. Out: bytes of glTF, byte for byte as engines want them. In: bytes of glTF. Out:
+//! scenes.
 //!
 //! ```text
 //! written: Asset ──► part (one mesh and node per chunk: bounds, grid, streams) ──► encode (the buffer) ──► compose (the JSON)
@@ -10,10 +11,10 @@
 //!           buffers ──► accessor ──► merge ──► read ──► Mesh
 //! ```
 //!
-//! The writer writes unlit, opaque triangles, drawn from one side or from both, with a colour per vertex or one texture. The
-//! reader reads these files in all variants, and files of other programs with vertex colours or one picture.
-//! The document is composed of `gltf-json`'s types; the module `document` explains why reading uses types of
-//! this crate.
+//! The writer writes unlit, opaque triangles, drawn from one side or from both, with a colour per
+//! vertex or one texture. The reader reads these files in all variants, and files of other programs
+//! with vertex colours or one picture. The document is composed of `gltf-json`'s types; the module
+//! `document` explains why reading uses types of this crate.
 
 mod accessor;
 mod buffers;

@@ -20,8 +20,8 @@ pub enum ColorEncoding {
     U8Srgb,
     /// 32-bit float, linear. 16 bytes.
     F32Linear,
-    /// 32-bit float holding 8-bit sRGB codes over 255, rounded up for importers that truncate: against the
-    /// glTF specification. 16 bytes.
+    /// 32-bit float holding 8-bit sRGB codes over 255, rounded up for importers that truncate:
+    /// against the glTF specification. 16 bytes.
     F32Srgb,
 }
 
@@ -48,8 +48,9 @@ pub enum PositionEncoding {
     /// Three 32-bit floats, exact. 12 bytes.
     #[default]
     F32,
-    /// Three 16-bit integers on a grid for each chunk (KHR_mesh_quantization). 8 bytes. A chunk whose grid would move a vertex by more
-    /// than 1/16 of its median triangle's size, or flatten more than one triangle in 200, keeps floats.
+    /// Three 16-bit integers on a grid for each chunk (KHR_mesh_quantization). 8 bytes. A chunk
+    /// whose grid would move a vertex by more than 1/16 of its median triangle's size, or flatten
+    /// more than one triangle in 200, keeps floats.
     ChunkU16,
 }
 
@@ -87,7 +88,9 @@ impl TextureFormat {
 
     /// The bytes of the file of a picture.
     ///
-    /// Errors: what the encoder refuses.
+    /// # Errors
+    ///
+    /// What the encoder refuses.
     pub fn bytes(self, picture: &RgbImage) -> Result<Vec<u8>> {
         match self {
             Self::Png => picture.to_png(),
@@ -105,14 +108,16 @@ pub struct GltfOptions {
     pub positions: PositionEncoding,
     /// Compress with EXT_meshopt_compression (vertex codec version 0).
     pub meshopt: bool,
-    /// Name of the material of faces that are drawn from both sides, and the beginning of that of the others; Godot reads hints from its ending.
+    /// Name of the material of faces that are drawn from both sides, and the beginning of that of
+    /// the others; Godot reads hints from its ending.
     pub material_name: String,
     /// Name of the scene's node when it is a single one.
     pub node_name: String,
-    /// Name of the collision node, for engines that do not draw nodes of this name; without a name there is
-    /// no such node.
+    /// Name of the collision node, for engines that do not draw nodes of this name; without a name
+    /// there is no such node.
     pub collision_name: Option<String>,
-    /// Name of the panorama that stands beside the file in place of a backdrop, for readers that show it.
+    /// Name of the panorama that stands beside the file in place of a backdrop, for readers that
+    /// show it.
     pub sky_name: Option<String>,
     /// Write the normals of a mesh, if any, and a lit material.
     pub lit: bool,

@@ -53,8 +53,8 @@ pub(crate) struct ScenePart<'a> {
     pub(crate) lit: bool,
     /// Lowest and highest corner of the box around its vertices.
     pub(crate) bounds: [Vec3; 2],
-    /// The grid of 16-bit positions; none when positions are floats, for example because no grid is fine
-    /// enough.
+    /// The grid of 16-bit positions; none when positions are floats, for example because no grid is
+    /// fine enough.
     pub(crate) grid: Option<PositionGrid>,
     pub(crate) loss: QuantizationLoss,
 }
@@ -158,8 +158,8 @@ impl ScenePart<'_> {
     }
 }
 
-/// Cuts an asset into parts; faces that share vertices but not colours get separate vertices, because glTF
-/// has no other way to draw a flat colour.
+/// Cuts an asset into parts; faces that share vertices but not colours get separate vertices,
+/// because glTF has no other way to draw a flat colour.
 pub(crate) fn parts<'a>(
     path: &Path,
     asset: &'a Asset,
@@ -238,7 +238,8 @@ pub(crate) fn is_backdrop(name: &str) -> bool {
     })
 }
 
-/// The ranges cut where the page of the texture or the number of sides changes: a primitive has one material.
+/// The ranges cut where the page of the texture or the number of sides changes: a primitive has one
+/// material.
 fn of_one_material(ranges: Vec<Range<usize>>, mesh: &Mesh) -> Vec<Range<usize>> {
     let has_pages = mesh.texture.as_ref().is_some_and(|texture| !texture.page_of.is_empty());
     if !has_pages && mesh.single_sided.is_empty() {
@@ -260,7 +261,9 @@ fn of_one_material(ranges: Vec<Range<usize>>, mesh: &Mesh) -> Vec<Range<usize>> 
 
 /// Node names: scene, backdrop.
 ///
-/// Errors: chunks that do not hold every face once.
+/// # Errors
+///
+/// Chunks that do not hold every face once.
 pub(crate) fn node_names(asset: &Asset, node_name: &str) -> Result<[Vec<String>; 2]> {
     let named = named_ranges(asset, node_name)?;
     let names = |wanted: PartKind| {
@@ -337,8 +340,8 @@ fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
             "a box that f32 can measure; crop the scene or write f32 positions",
         ));
     }
-    // If steps differ between axes, an engine corrects normals by the scale of the node, and 8 bits do not
-    // suffice.
+    // If steps differ between axes, an engine corrects normals by the scale of the node, and 8 bits
+    // do not suffice.
     let grid = match part.lit {
         true => PositionGrid::even(low, high),
         false => PositionGrid::new(low, high),
@@ -383,13 +386,13 @@ fn bounds(mesh: &Mesh, vertices: &PartVertices) -> [Vec3; 2] {
         geometry::bounds(range.map(|i| finite(position(i))))
     });
     let bounds = geometry::bounds(bounds.into_iter().flatten().flatten()).unwrap_or_default();
-    // -0.0 and 0.0 are equal, so the minimum could be either, depending on the order. Adding zero makes both
-    // 0.0, and the file independent of the number of threads.
+    // -0.0 and 0.0 are equal, so the minimum could be either, depending on the order. Adding zero
+    // makes both 0.0, and the file independent of the number of threads.
     bounds.map(|corner| corner + Vec3::ZERO)
 }
 
-/// The faces of each chunk that has any; the chunks must hold every face once and in order. Those from `scene` on are
-/// the backdrop, and no chunk holds faces of both.
+/// The faces of each chunk that has any; the chunks must hold every face once and in order. Those
+/// from `scene` on are the backdrop, and no chunk holds faces of both.
 fn face_ranges(chunks: &[Chunk], faces: usize, scene: usize) -> Result<Vec<Range<usize>>> {
     if chunks.is_empty() {
         return Ok([0..scene, scene..faces]
@@ -430,7 +433,7 @@ pub(crate) fn all_streams<'a, 'b>(
     parts.iter().flat_map(|part| part.streams().map(move |stream| (part, stream)))
 }
 
-// ---- The 16-bit grid of one chunk, and its loss ------------------------------------------------------
+// ---- The 16-bit grid of one chunk, and its loss -------------------------------------------------
 
 /// The largest code.
 const STEPS: f64 = u16::MAX as f64;
@@ -456,10 +459,12 @@ pub(crate) struct QuantizationLoss {
 }
 
 impl PositionGrid {
-    /// The finest grid that covers the box from `min` to `max`; an axis without extent gets steps of 1.
+    /// The finest grid that covers the box from `min` to `max`; an axis without extent gets steps
+    /// of 1.
     pub(crate) fn new(min: Vec3, max: Vec3) -> Self {
         let step = (max.as_dvec3() - min.as_dvec3()) / STEPS;
-        // A step below the smallest normal number would be zero in an engine that flushes denormals.
+        // A step below the smallest normal number would be zero in an engine that flushes
+        // denormals.
         let scale =
             step.to_array().map(|s| if s > 0.0 { (s as f32).max(f32::MIN_POSITIVE) } else { 1.0 });
         let scale = Vec3::from(scale);
@@ -474,7 +479,8 @@ impl PositionGrid {
     /// The code nearest to `position`.
     pub(crate) fn code(&self, position: Vec3) -> U16Vec3 {
         let steps = (position.as_dvec3() - self.origin.as_dvec3()) * self.density;
-        // The cast truncates and saturates at 0..=65535; `round` would be a library call on plain x86-64.
+        // The cast truncates and saturates at 0..=65535; `round` would be a library call on plain
+        // x86-64.
         (steps + 0.5).as_u16vec3()
     }
 
@@ -499,13 +505,14 @@ impl PositionGrid {
 }
 
 impl QuantizationLoss {
-    /// Largest permitted error of a grid, as a share of the median triangle's size (the root of its area).
+    /// Largest permitted error of a grid, as a share of the median triangle's size (the root of its
+    /// area).
     const OF_DETAIL: f64 = 1.0 / 16.0;
     /// One triangle in this many may be flattened.
     const ONE_IN: u64 = 200;
 
-    /// Whether the loss is acceptable for a chunk of this many faces with the median size `detail`. If not,
-    /// for example because one huge triangle stretches the grid, positions stay floats.
+    /// Whether the loss is acceptable for a chunk of this many faces with the median size `detail`.
+    /// If not, for example because one huge triangle stretches the grid, positions stay floats.
     pub(crate) fn is_allowed(&self, faces: usize, detail: f64) -> bool {
         f64::from(self.worst) <= Self::OF_DETAIL * detail
             && self.collapsed * Self::ONE_IN <= faces as u64

@@ -1,7 +1,7 @@
 //! Reads the triangles of a file's default scene as one mesh.
 //!
-//! The document may be hostile: every number is checked before use, memory is allocated only for bytes that
-//! exist, and no file unpacks to more than 1024 times its size.
+//! The document may be hostile: every number is checked before use, memory is allocated only for
+//! bytes that exist, and no file unpacks to more than 1024 times its size.
 
 use super::accessor::Accessors;
 use super::buffers::Buffers;
@@ -23,12 +23,12 @@ use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene};
 /// The triangles of the default scene as one mesh: all nodes placed, all primitives merged, colours
 /// linear.
 ///
-/// Colours are one per face when no faces share vertices and each has one colour, so that files of this
-/// program read back unchanged.
+/// Colours are one per face when no faces share vertices and each has one colour, so that files of
+/// this program read back unchanged.
 ///
 /// # Errors
-/// `Malformed` for broken containers, JSON and accessors; `Unsupported` for glTF 1.0, Draco, unknown
-/// required extensions and scenes without triangles.
+/// `Malformed` for broken containers, JSON and accessors; `Unsupported` for glTF 1.0, Draco,
+/// unknown required extensions and scenes without triangles.
 pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     let path = source.path.clone();
     let limits = &options.limits;
@@ -82,8 +82,8 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     finish(&path, loaded, origin)
 }
 
-/// Refuse more triangles than the limit by the counts of the document, before anything is read. A primitive without triangles counts as
-/// one.
+/// Refuse more triangles than the limit by the counts of the document, before anything is read. A
+/// primitive without triangles counts as one.
 fn check_triangles(
     document: &Document,
     accessors: &mut Accessors,
@@ -199,7 +199,7 @@ pub(crate) fn check_support(path: &Path, document: &Document) -> Result<()> {
     }
 }
 
-// ---- What a document counts and asks for -------------------------------------------------------------
+// ---- What a document counts and asks for --------------------------------------------------------
 
 /// What a glTF document holds.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -222,7 +222,9 @@ pub struct GltfInfo {
 
 /// What the document of an open file counts and asks for.
 ///
-/// Errors: a broken container or document; those of the operating system.
+/// # Errors
+///
+/// A broken container or document; those of the operating system.
 pub(crate) fn gltf_info(mut source: Source, limits: &Limits) -> Result<GltfInfo> {
     let container = ContainerFile::read(&mut source, limits)?;
     let document: Document = document::parse(&source.path, &container.json, limits)?;

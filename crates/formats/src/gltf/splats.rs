@@ -1,6 +1,7 @@
 //! Gaussian splats in glTF: points with `KHR_gaussian_splatting`, as Khronos ratified it in 2026.
 //!
-//! Scales are linear, opacities no logits, rotations x y z w, and each coefficient of the spherical harmonics has an attribute of its own.
+//! Scales are linear, opacities no logits, rotations x y z w, and each coefficient of the spherical
+//! harmonics has an attribute of its own.
 
 use super::accessor::Accessors;
 use super::buffers::Buffers;
@@ -66,7 +67,8 @@ struct Packing {
     buffer_view: Option<usize>,
 }
 
-/// Whether an open glTF file holds Gaussians and no triangles. It is back at byte 0 afterwards; a broken one holds none.
+/// Whether an open glTF file holds Gaussians and no triangles. It is back at byte 0 afterwards; a
+/// broken one holds none.
 pub fn holds_splats(source: &mut Source, limits: &Limits) -> Result<bool> {
     let container = ContainerFile::read(source, limits);
     source.rewind()?;
@@ -86,7 +88,8 @@ pub fn holds_splats(source: &mut Source, limits: &Limits) -> Result<bool> {
 /// The Gaussians of the default scene.
 ///
 /// # Errors
-/// As for triangles; Gaussians that are compressed, of linear colours, or under nodes with uneven scales.
+/// As for triangles; Gaussians that are compressed, of linear colours, or under nodes with uneven
+/// scales.
 pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
     let path = source.path.clone();
     let limits = options.limits;
@@ -249,7 +252,8 @@ impl Reader<'_> {
         Ok(loaded.splats)
     }
 
-    /// The number of elements that all of these accessors have. Each comes with its number of components.
+    /// The number of elements that all of these accessors have. Each comes with its number of
+    /// components.
     fn check(
         &mut self,
         place: &str,

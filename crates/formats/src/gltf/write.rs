@@ -1,7 +1,7 @@
 //! Writes a scene as one GLB, or as a .gltf document and its .bin buffer.
 //!
-//! Lengths are known before the first byte is written, so a file streams out in blocks of about 1 MiB and is
-//! never held in memory as a whole. With meshopt the compressed bytes are held.
+//! Lengths are known before the first byte is written, so a file streams out in blocks of about 1
+//! MiB and is never held in memory as a whole. With meshopt the compressed bytes are held.
 
 use super::compose;
 use super::container::{self, Container, check_size, glb_size};
@@ -54,8 +54,8 @@ pub fn to_glb_bytes(asset: &Asset, options: &GltfOptions) -> Result<Vec<u8>> {
 /// Positions are written unchanged, because the bake has turned the scene Y-up.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for zero triangles, [`Error::Invalid`] for a mesh or chunks that do not fit
-/// together, [`Error::TooLarge`] above 2 GiB (unless allowed) and above 4 GiB, [`Error::Io`].
+/// [`Error::Unsupported`] for zero triangles, [`Error::Invalid`] for a mesh or chunks that do not
+/// fit together, [`Error::TooLarge`] above 2 GiB (unless allowed) and above 4 GiB, [`Error::Io`].
 pub fn write_glb(
     out: &mut dyn Write,
     path: &Path,

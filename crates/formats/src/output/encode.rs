@@ -20,7 +20,9 @@ const NO_SIDES: &str = "this file does not say from which sides triangles are dr
 
 /// Writes an asset into the files of `output` and names them only when all are whole.
 ///
-/// Errors: those of the format and of the operating system; then every name keeps its old file.
+/// # Errors
+///
+/// Those of the format and of the operating system; then every name keeps its old file.
 pub fn write(
     asset: &Asset,
     output: &Output,
@@ -82,8 +84,8 @@ struct SetWriter<'a> {
 }
 
 impl SetWriter<'_> {
-    /// The tiles, which have their final names, and the tileset, which gets its name with the other files.
-    /// Returns what to call then.
+    /// The tiles, which have their final names, and the tileset, which gets its name with the other
+    /// files. Returns what to call then.
     fn tiles(
         &mut self,
         asset: &Asset,
@@ -99,8 +101,8 @@ impl SetWriter<'_> {
         Ok(keep)
     }
 
-    /// Writes the scene, its backdrop, its collider, its levels and the files that name them; returns
-    /// warnings for the user.
+    /// Writes the scene, its backdrop, its collider, its levels and the files that name them;
+    /// returns warnings for the user.
     fn all(
         &mut self,
         asset: &Asset,
@@ -273,7 +275,7 @@ fn encode_usdz(
     Ok(notes.into_iter().filter(|(holds, _)| *holds).map(|(_, note)| note.to_owned()).collect())
 }
 
-// ---- Files that name all levels of detail ------------------------------------------------------------
+// ---- Files that name all levels of detail -------------------------------------------------------
 
 impl Output {
     /// The scene and its levels, each with its files.
@@ -297,7 +299,9 @@ impl Output {
 
     /// The file that switches levels in an engine.
     ///
-    /// Errors: chunks that do not hold every face once.
+    /// # Errors
+    ///
+    /// Chunks that do not hold every face once.
     fn engine_text(&self, kind: EngineLevels, asset: &Asset) -> Result<String> {
         let file = |(asset, output): (&'_ Asset, &Output)| {
             let [nodes, within] = node_names(asset, output.node)?;

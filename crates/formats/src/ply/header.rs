@@ -274,7 +274,7 @@ fn parse_property(rest: &str) -> Result<Property, String> {
     }
 }
 
-// ---- One number in the rows of an element ------------------------------------------------------------
+// ---- One number in the rows of an element -------------------------------------------------------
 
 /// The place of a number in a row.
 #[derive(Debug, Clone, Copy)]

@@ -17,7 +17,8 @@ use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Asset, Error, Result, Texture};
 
-/// The mesh, relative to `origin`, with the pictures that `comments` name; guesses and repairs are added to `warnings`.
+/// The mesh, relative to `origin`, with the pictures that `comments` name; guesses and repairs are
+/// added to `warnings`.
 pub(super) fn read(
     vertices: &Table,
     faces: &Table,
@@ -71,14 +72,16 @@ pub(super) fn read(
     Ok(mesh)
 }
 
-/// The largest of three; NaN when one is NaN. Scanners leave corners without alpha on faces that are whole.
+/// The largest of three; NaN when one is NaN. Scanners leave corners without alpha on faces that
+/// are whole.
 fn most(alpha: [f32; 3]) -> f32 {
     if alpha.iter().any(|a| a.is_nan()) { f32::NAN } else { alpha[0].max(alpha[1]).max(alpha[2]) }
 }
 
 type Textures = BTreeMap<usize, Option<Arc<Texture>>>;
 
-/// The faces on the pictures of `comment TextureFile`, and those that could be read; none without any.
+/// The faces on the pictures of `comment TextureFile`, and those that could be read; none without
+/// any.
 fn pictures(
     vertices: &Table,
     faces: &Table,
@@ -220,11 +223,11 @@ fn channel(column: Column, row: &[u8], clamped: &mut Clamped) -> f32 {
 
 /// Writes a mesh PLY: binary little-endian, sRGB colours and alpha in 8 bits.
 ///
-/// By default the colours are at the vertices, which every reader understands; with colour or opacity per
-/// face, each triangle gets three vertices of its own. With `face_colors` they are at the faces, vertices
-/// stay shared, and a face with different corner colours gets their linear mean. The faces of a backdrop are
-/// the last; `backdrop` in the comment counts them. Errors are those of `out`, and `InvalidInput` above
-/// 2,147,483,647 vertices.
+/// By default the colours are at the vertices, which every reader understands; with colour or
+/// opacity per face, each triangle gets three vertices of its own. With `face_colors` they are at
+/// the faces, vertices stay shared, and a face with different corner colours gets their linear
+/// mean. The faces of a backdrop are the last; `backdrop` in the comment counts them. Errors are
+/// those of `out`, and `InvalidInput` above 2,147,483,647 vertices.
 pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::Result<()> {
     let mesh = &asset.mesh;
     let own = mesh.indices.is_empty()

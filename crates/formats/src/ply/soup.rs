@@ -1,4 +1,5 @@
-//! The soup PLY: our own file of a trained scene, and a valid triangle mesh. See `docs/soup-ply.md`.
+//! The soup PLY: our own file of a trained scene, and a valid triangle mesh. See
+//! `docs/soup-ply.md`.
 
 use super::header::{Column, Element, Header};
 use super::table::{self, Table};
@@ -81,11 +82,11 @@ pub(super) fn read(
     Ok(soup)
 }
 
-/// Writes a soup PLY: binary little-endian, three separate vertices per triangle. `cameras` are those of its
-/// photos, in its frame; the list may be empty.
+/// Writes a soup PLY: binary little-endian, three separate vertices per triangle. `cameras` are
+/// those of its photos, in its frame; the list may be empty.
 ///
-/// Errors are those of `out`, and `InvalidInput` above 715,827,882 triangles, where PLY's `int` corner
-/// numbers end. It neither flushes nor renames.
+/// Errors are those of `out`, and `InvalidInput` above 715,827,882 triangles, where PLY's `int`
+/// corner numbers end. It neither flushes nor renames.
 pub fn write_soup(
     out: &mut dyn Write,
     soup: &Soup,
@@ -100,8 +101,8 @@ pub fn write_soup(
     writer.end(cameras)
 }
 
-/// Writes a soup PLY of several soups, in order, without holding all in memory: first the corners of each,
-/// then the rest of each.
+/// Writes a soup PLY of several soups, in order, without holding all in memory: first the corners
+/// of each, then the rest of each.
 pub struct SoupWriter<'a> {
     out: &'a mut dyn Write,
     /// Triangles that are to come.
@@ -114,9 +115,12 @@ pub struct SoupWriter<'a> {
 }
 
 impl<'a> SoupWriter<'a> {
-    /// Begins a file of `count` triangles with colours of `sh_degree`; `shell` when some of them are the shell.
+    /// Begins a file of `count` triangles with colours of `sh_degree`; `shell` when some of them
+    /// are the shell.
     ///
-    /// Errors: as for [`write_soup`].
+    /// # Errors
+    ///
+    /// As for [`write_soup`].
     pub fn start(
         out: &'a mut dyn Write,
         count: usize,
@@ -137,7 +141,9 @@ impl<'a> SoupWriter<'a> {
 
     /// The corners of the next soup.
     ///
-    /// Errors: as for [`write_soup`]; more triangles than were announced.
+    /// # Errors
+    ///
+    /// As for [`write_soup`]; more triangles than were announced.
     pub fn vertices(&mut self, soup: &Soup) -> io::Result<()> {
         self.corners_left = self.corners_left.checked_sub(soup.len()).ok_or_else(other_count)?;
         table::write_floats(self.out, bytemuck::cast_slice(&soup.vertices))
@@ -145,7 +151,9 @@ impl<'a> SoupWriter<'a> {
 
     /// The rest of the next soup, once the corners of all were written.
     ///
-    /// Errors: as for [`write_soup`]; other triangles than were announced, or colours of another degree.
+    /// # Errors
+    ///
+    /// As for [`write_soup`]; other triangles than were announced, or colours of another degree.
     pub fn faces(&mut self, soup: &Soup) -> io::Result<()> {
         let fits = self.written + soup.len() <= self.count
             && (soup.sh_degree == self.sh_degree || soup.is_empty());
@@ -172,7 +180,9 @@ impl<'a> SoupWriter<'a> {
 
     /// Writes the part after all triangles.
     ///
-    /// Errors: as for [`write_soup`]; fewer triangles than were announced.
+    /// # Errors
+    ///
+    /// As for [`write_soup`]; fewer triangles than were announced.
     pub fn end(self, cameras: &[Camera]) -> io::Result<()> {
         if self.written < self.count {
             return Err(other_count());
@@ -214,7 +224,7 @@ fn header(
     header + &view_header(cameras) + "end_header\n"
 }
 
-// ---- The element `view` of a soup PLY: the cameras of its photos ----------------------------------
+// ---- The element `view` of a soup PLY: the cameras of its photos --------------------------------
 
 const VIEW: &str = "view";
 /// R by rows, t, focal lengths and principal point; then the size, as integers.

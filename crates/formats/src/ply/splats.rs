@@ -14,7 +14,8 @@ pub(super) fn are_in(vertices: &Element) -> bool {
     ["scale_0", "rot_0", "packed_position"].iter().any(|p| vertices.has(p))
 }
 
-/// The Gaussians, and the origin that was subtracted from their positions. A warning names another dialect than that of the trainers.
+/// The Gaussians, and the origin that was subtracted from their positions. A warning names another
+/// dialect than that of the trainers.
 pub(super) fn read(
     source: &Source,
     header: &Header,
@@ -56,7 +57,8 @@ struct Columns {
     /// Red, green and blue of each coefficient. `[K]`
     sh: Vec<[Column; 3]>,
     sh_degree: u8,
-    /// The number that stands for full red, green and blue, where they stand in place of the first coefficient.
+    /// The number that stands for full red, green and blue, where they stand in place of the first
+    /// coefficient.
     full_color: Option<f64>,
     /// Scales are no logarithms.
     are_lengths: bool,
@@ -131,7 +133,7 @@ impl Columns {
     }
 }
 
-// ---- Dialects: some programs write the numbers that are drawn, lengths and shares ---------------------
+// ---- Dialects: some programs write the numbers that are drawn, lengths and shares ---------------
 
 /// Fewer Gaussians do not tell dialects apart.
 const LEAST_TOLD_APART: usize = 16;
@@ -142,7 +144,8 @@ const USUAL: f64 = 0.35;
 /// Share of the Gaussians along an axis that are outliers, on each side.
 const OUTLIERS: f64 = 0.1;
 
-/// Whether opacities that were read as logits are shares already: all logits are from 0 to 1, and not one number.
+/// Whether opacities that were read as logits are shares already: all logits are from 0 to 1, and
+/// not one number.
 fn are_shares(splats: &Splats) -> bool {
     let highest = (1.0 / (1.0 + (-1.0f64).exp())) as f32;
     let all = splats.len() >= LEAST_TOLD_APART
@@ -150,7 +153,8 @@ fn are_shares(splats: &Splats) -> bool {
     all && splats.opacity.iter().any(|o| *o != splats.opacity[0])
 }
 
-/// Whether scales that were read as logarithms are lengths already: none is negative, and lengths fit the distance of neighbours better.
+/// Whether scales that were read as logarithms are lengths already: none is negative, and lengths
+/// fit the distance of neighbours better.
 fn are_lengths(splats: &Splats) -> bool {
     let all =
         splats.scales.iter().flat_map(|scales| scales.to_array()).filter(|scale| *scale != 0.0);
@@ -175,11 +179,12 @@ fn are_lengths(splats: &Splats) -> bool {
     f64::from(largest) > LARGEST * extent || off(middle.ln()) < off(middle)
 }
 
-// ---- PlayCanvas's compressed PLY: 16 bytes per Gaussian, relative to the ranges of its chunk -----------
+// ---- PlayCanvas's compressed PLY: 16 bytes per Gaussian, relative to the ranges of its chunk
 
 /// Gaussians that share their ranges.
 const CHUNK: usize = 256;
-/// What has a range, from `min_x` to `max_x`: positions, logarithms of scales, and in newer files colours.
+/// What has a range, from `min_x` to `max_x`: positions, logarithms of scales, and in newer files
+/// colours.
 const RANGES: [&str; 9] = ["x", "y", "z", "scale_x", "scale_y", "scale_z", "r", "g", "b"];
 
 /// The ranges of a chunk.
@@ -285,7 +290,8 @@ fn unpack_11_10_11(word: u32) -> [f64; 3] {
     [share(word >> 21, 11), share(word >> 11, 10), share(word, 11)]
 }
 
-/// Smallest-three quaternion w, x, y, z: 2 bits for the index of the largest, 10 bits for each other in ±√½.
+/// Smallest-three quaternion w, x, y, z: 2 bits for the index of the largest, 10 bits for each
+/// other in ±√½.
 fn unpack_rotation(word: u32) -> [f64; 4] {
     let others = [20, 10, 0].map(|shift| (share(word >> shift, 10) - 0.5) * SQRT_2);
     with_largest(others, (word >> 30) as u8)

@@ -1,8 +1,9 @@
 //! The rows of one element at a fixed stride, little-endian: the common form of every body.
 //!
-//! A binary little-endian element without lists, or with only lists of triangles, has this form already: it
-//! stays in the file and is read block by block, from any thread. Everything else (ascii, big-endian,
-//! polygons, other lists) is rewritten into one in memory first, see [`super::transcode`].
+//! A binary little-endian element without lists, or with only lists of triangles, has this form
+//! already: it stays in the file and is read block by block, from any thread. Everything else
+//! (ascii, big-endian, polygons, other lists) is rewritten into one in memory first, see
+//! [`super::transcode`].
 
 use super::header::{Column, Element, Encoding, Header, PropertyType, Scalar};
 use super::transcode::{self, Wanted};
@@ -46,9 +47,12 @@ enum Body<'a> {
     Memory(Vec<u8>),
 }
 
-/// The rows of the elements called `names`, `None` for those that the file lacks. Faces may be `polygons`.
+/// The rows of the elements called `names`, `None` for those that the file lacks. Faces may be
+/// `polygons`.
 ///
-/// Errors: more rows than a scene may have, before any is read; a file that is too short for them.
+/// # Errors
+///
+/// More rows than a scene may have, before any is read; a file that is too short for them.
 pub(super) fn open<'a, const N: usize>(
     source: &'a Source,
     header: &'a Header,
@@ -96,8 +100,8 @@ pub fn points<'a>(source: &'a Source, header: &'a Header, limits: &Limits) -> Re
 }
 
 impl<'a> Table<'a> {
-    /// The rows of `element`, which start at byte `at`, and the byte after the last one. The file is checked
-    /// to be long enough for them.
+    /// The rows of `element`, which start at byte `at`, and the byte after the last one. The file
+    /// is checked to be long enough for them.
     fn open(
         source: &'a Source,
         encoding: Encoding,
@@ -149,7 +153,8 @@ impl<'a> Table<'a> {
         column
     }
 
-    /// True when every row takes `stride` bytes in the final form, as long as all faces are triangles.
+    /// True when every row takes `stride` bytes in the final form, as long as all faces are
+    /// triangles.
     fn is_in_place(&self, encoding: Encoding, wanted: Wanted) -> bool {
         let is_list = |kind| matches!(kind, PropertyType::List { .. });
         let lists = self.element.properties.iter().filter(|p| is_list(p.kind)).count();
@@ -161,9 +166,9 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Whether `left` bytes hold all rows in this form. False for faces among which are polygons, which make
-    /// rows longer, or which are cut short: [`super::transcode`] names the first bad one. If polygons are not
-    /// permitted, faces are checked during reading.
+    /// Whether `left` bytes hold all rows in this form. False for faces among which are polygons,
+    /// which make rows longer, or which are cut short: [`super::transcode`] names the first bad
+    /// one. If polygons are not permitted, faces are checked during reading.
     fn fits(&self, left: u64, wanted: Wanted) -> Result<bool> {
         let rows = self.element.rows;
         let stride = self.stride as u64;
@@ -201,8 +206,8 @@ impl<'a> Table<'a> {
         Ok(columns)
     }
 
-    /// Red, green and blue of each SH coefficient above degree 0, and their degree, at most `highest`. The
-    /// file has all of red first, then green, then blue, as 3DGS.
+    /// Red, green and blue of each SH coefficient above degree 0, and their degree, at most
+    /// `highest`. The file has all of red first, then green, then blue, as 3DGS.
     pub(super) fn sh_columns(&self, highest: u8) -> Result<(Vec<[Column; 3]>, u8)> {
         let rest = self.element.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();
         let count = |degree: u8| (usize::from(degree) + 1).pow(2) - 1;
@@ -234,8 +239,8 @@ impl<'a> Table<'a> {
         (BLOCK / self.stride.max(1)).max(1)
     }
 
-    /// Reads all rows on all threads: `read` gets the number of a block's first row, its rows and its part.
-    /// The error is that of the first block, so that it does not depend on threads.
+    /// Reads all rows on all threads: `read` gets the number of a block's first row, its rows and
+    /// its part. The error is that of the first block, so that it does not depend on threads.
     pub(super) fn blocks<P: Send, R: Send>(
         &self,
         parts: impl IntoIterator<Item = P>,
@@ -252,7 +257,9 @@ impl<'a> Table<'a> {
 
     /// Calls `each` with the number and bytes of every row, in order.
     ///
-    /// Errors: those of the operating system and of `each`.
+    /// # Errors
+    ///
+    /// Those of the operating system and of `each`.
     pub fn each_row(&self, mut each: impl FnMut(usize, &[u8]) -> Result<()>) -> Result<()> {
         let step = self.rows_per_block();
         let mut buffer = Vec::new();
@@ -278,7 +285,8 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// The origin to subtract from every position: zero, except for double positions far from the origin.
+    /// The origin to subtract from every position: zero, except for double positions far from the
+    /// origin.
     pub(super) fn origin(&self) -> Result<DVec3> {
         let axes = self.columns(["x", "y", "z"])?;
         if !axes.iter().any(|axis| axis.scalar == Scalar::F64) {
@@ -407,7 +415,7 @@ fn read_at(mut file: &File, out: &mut [u8], offset: u64) -> std::io::Result<()> 
     file.read_exact(out)
 }
 
-// ---- What both PLY writers share ---------------------------------------------------------------------
+// ---- What both PLY writers share ----------------------------------------------------------------
 
 /// Floats as they are in a binary little-endian file.
 pub(super) fn write_floats(out: &mut dyn Write, floats: &[f32]) -> io::Result<()> {

@@ -1,4 +1,5 @@
-//! Rows in ascii, big-endian or of varying length, rewritten as little-endian rows of a fixed stride.
+//! Rows in ascii, big-endian or of varying length, rewritten as little-endian rows of a fixed
+//! stride.
 //!
 //! Memory grows with the rows read, not with the numbers in the header.
 

@@ -1,4 +1,5 @@
-//! `cameras.json`: the cameras of the photos, as the trainers of 3DGS and OpenSplat write them, and whether they fit the Gaussians.
+//! `cameras.json`: the cameras of the photos, as the trainers of 3DGS and OpenSplat write them, and
+//! whether they fit the Gaussians.
 //!
 //! ```text
 //! [{"img_name", "width", "height", "position": eye, "rotation": rows of camera to world, "fx", "fy", "cx"?, "cy"?}]
@@ -26,9 +27,12 @@ struct Entry {
     cy: Option<f64>,
 }
 
-/// Names and cameras of the photos in the list at `path`; `origin` is subtracted from their positions.
+/// Names and cameras of the photos in the list at `path`; `origin` is subtracted from their
+/// positions.
 ///
-/// Errors: no such list; a camera that is none; pictures beyond the limits.
+/// # Errors
+///
+/// No such list; a camera that is none; pictures beyond the limits.
 pub fn read_cameras(path: &Path, origin: DVec3, limits: &Limits) -> Result<Vec<(String, Camera)>> {
     let text = input::read_text(path, limits)?;
     let entries: Vec<Entry> = serde_json::from_str(&text).map_err(|e| {
@@ -80,7 +84,8 @@ impl Entry {
     }
 }
 
-/// Adds the cameras of a list beside the file, turned to fit the Gaussians; a warning says so, or why they are not used.
+/// Adds the cameras of a list beside the file, turned to fit the Gaussians; a warning says so, or
+/// why they are not used.
 pub(crate) fn add_beside(path: &Path, loaded: &mut ImportedSplats, limits: &Limits) {
     let Some(list) = beside(path) else { return };
     let origin = DVec3::from(loaded.provenance.placement.center);
@@ -110,7 +115,8 @@ pub(crate) fn add_beside(path: &Path, loaded: &mut ImportedSplats, limits: &Limi
     loaded.warnings.push(format!("the cameras beside the file are not used: {why}"));
 }
 
-/// Path of the camera list: `NAME.cameras.json`, else `cameras.json` in its folder or the trainer's output folder.
+/// Path of the camera list: `NAME.cameras.json`, else `cameras.json` in its folder or the trainer's
+/// output folder.
 pub(crate) fn beside(path: &Path) -> Option<PathBuf> {
     let folder = path.parent()?;
     let is_named = |folder: &Path, start: &str| {
@@ -130,10 +136,11 @@ pub(crate) fn beside(path: &Path) -> Option<PathBuf> {
     lists.into_iter().flatten().find(|list| list.is_file())
 }
 
-// ---- Whether cameras fit the Gaussians ----------------------------------------------------------------
+// ---- Whether cameras fit the Gaussians ----------------------------------------------------------
 //
-// A trained Gaussian was in front of everything else in some photo. So most of them are, for cameras in their own frame, and fewer for turned
-// ones: they look past what is dense, or from inside of it.
+// A trained Gaussian was in front of everything else in some photo. So most of them are, for
+// cameras in their own frame, and fewer for turned ones: they look past what is dense, or from
+// inside of it.
 
 /// Fewer cameras may show any part of a scene, so they are believed.
 const LEAST_CAMERAS: usize = 8;
@@ -180,7 +187,8 @@ fn fitting_turn(cameras: &[(String, Camera)], splats: &Splats, origin: Vec3) -> 
     (clear && found[best].0 >= IN_FRONT).then_some(turns[best])
 }
 
-/// The share of the Gaussians, given by position and area, that are in front for some camera, and the share of the pictures that they cover.
+/// The share of the Gaussians, given by position and area, that are in front for some camera, and
+/// the share of the pictures that they cover.
 fn explained(cameras: &[Camera], sample: &[(Vec3, f32)]) -> (f32, f32) {
     let mut front = vec![0.0f32; sample.len()];
     let mut covered = 0.0;

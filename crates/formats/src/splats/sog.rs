@@ -1,4 +1,5 @@
-//! SOG version 2 (playcanvas/splat-transform): a zip archive of `meta.json` and WebP pictures, a pixel per Gaussian.
+//! SOG version 2 (playcanvas/splat-transform): a zip archive of `meta.json` and WebP pictures, a
+//! pixel per Gaussian.
 //!
 //! ```text
 //! means    two pictures, low and high bytes of 16-bit shares between mins and maxs of sign(x) ln(1 + |x|)
@@ -27,7 +28,8 @@ const MOST_META: u64 = 1 << 20;
 const LISTS_PER_ROW: usize = 64;
 /// Lists that a number of 16 bits tells apart.
 const MOST_LISTS: usize = 1 << 16;
-/// Pixels that may be added to four times as many as Gaussians: some writers fill squares of a power of two.
+/// Pixels that may be added to four times as many as Gaussians: some writers fill squares of a
+/// power of two.
 const SPARE_PIXELS: usize = 1 << 12;
 /// Bytes of a picture without pixels, at most: colour profiles and texts.
 const SPARE_BYTES: u64 = 1 << 16;

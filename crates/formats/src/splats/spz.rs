@@ -1,7 +1,7 @@
 //! SPZ versions 2 to 4 (nianticlabs/spz): a header and one array per quantity.
 //!
-//! Versions 2 and 3 are gzip over all of it. Version 4 is not: each array is a zstd frame of its own, and a table of their lengths
-//! follows 16 more bytes of header.
+//! Versions 2 and 3 are gzip over all of it. Version 4 is not: each array is a zstd frame of its
+//! own, and a table of their lengths follows 16 more bytes of header.
 //!
 //! ```text
 //! header     u32 "NGSP", u32 version, u32 count, u8 SH degree, u8 fractional bits, u8 flags (1: antialiased), u8 arrays (version 4)
@@ -43,7 +43,8 @@ struct Header {
 /// The next array, at most that many bytes.
 type Next<'a> = dyn FnMut(u64) -> Result<Vec<u8>> + 'a;
 
-/// The Gaussians of the file. Nothing is unpacked beyond what the header's count needs, one array at a time.
+/// The Gaussians of the file. Nothing is unpacked beyond what the header's count needs, one array
+/// at a time.
 pub(crate) fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
     let is_plain = source.head()?.starts_with(b"NGSP");
     let path = &source.path;

@@ -1,5 +1,5 @@
-//! The subject of a scene: an object alone, the object that its photos look at, or its dense middle without photos;
-//! how a camera sees it, and how far photos look around it.
+//! The subject of a scene: an object alone, the object that its photos look at, or its dense middle
+//! without photos; how a camera sees it, and how far photos look around it.
 
 use crate::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use glam::{DVec3, UVec2, Vec3};
@@ -13,18 +13,21 @@ use trisplat_scene::mesh::{Colors, Mesh};
 pub(super) const MOST_POINTS: usize = 20_000;
 /// Most cameras to use.
 const MOST_CAMERAS: usize = 100;
-/// A point belongs to the subject if at least this share of the most framed point's pictures show it ...
+/// A point belongs to the subject if at least this share of the most framed point's pictures show
+/// it ...
 const FRAMED: f32 = 0.5;
-/// ... and if it is within this distance of the point that the cameras look at, as a share of their median
-/// distance.
+/// ... and if it is within this distance of the point that the cameras look at, as a share of their
+/// median distance.
 const WITHIN: f32 = 0.8;
 /// Share of its points within the subject's radius.
 const RADIUS_QUANTILE: f32 = 0.9;
 /// Without photos: share of all points within the radius, ...
 const ALL_QUANTILE: f32 = 0.95;
-/// ... but at most this many times their median distance, because farther points surround the subject.
+/// ... but at most this many times their median distance, because farther points surround the
+/// subject.
 const CORE: f32 = 2.5;
-/// Points are one object with a long part, such as the neck of a guitar, when this share of them ends ...
+/// Points are one object with a long part, such as the neck of a guitar, when this share of them
+/// ends ...
 const OBJECT_QUANTILE: f32 = 0.995;
 /// ... within this many times their median distance, so that nothing surrounds them, ...
 const OBJECT: f32 = 5.0;
@@ -43,8 +46,8 @@ pub struct Subject {
 }
 
 impl Subject {
-    /// Of a scene with `points`, the middles of its triangles, and the cameras of its photos, if known.
-    /// `None` without extent.
+    /// Of a scene with `points`, the middles of its triangles, and the cameras of its photos, if
+    /// known. `None` without extent.
     pub fn of(points: &[Vec3], cameras: &[Camera]) -> Option<Self> {
         let step = points.len().div_ceil(MOST_POINTS).max(1);
         let points: Vec<Vec3> =
@@ -222,8 +225,8 @@ const GAP: f64 = std::f64::consts::FRAC_PI_2;
 /// Fewer photos of the target leave the orbit free.
 const LEAST: usize = 3;
 
-/// The range of the photos taken by `cameras` around the target of `viewpoint`. `None` if fewer than half of them show
-/// the target, as in a room that is photographed from its middle.
+/// The range of the photos taken by `cameras` around the target of `viewpoint`. `None` if fewer
+/// than half of them show the target, as in a room that is photographed from its middle.
 pub(super) fn orbit_range(viewpoint: &Viewpoint, cameras: &[Camera]) -> Option<OrbitRange> {
     let target = DVec3::from(viewpoint.target);
     let here = viewpoint.direction(DVec3::from(viewpoint.eye) - target)?;
@@ -245,7 +248,8 @@ pub(super) fn orbit_range(viewpoint: &Viewpoint, cameras: &[Camera]) -> Option<O
     Some(OrbitRange { turn: turn.map(|turn| turn.map(f64::to_degrees)), elevation })
 }
 
-/// The least and largest turn of photos and of the viewpoint itself, which is at 0; `None` if they surround the target.
+/// The least and largest turn of photos and of the viewpoint itself, which is at 0; `None` if they
+/// surround the target.
 fn turn(mut photos: Vec<f64>) -> Option<[f64; 2]> {
     photos.push(0.0);
     photos.sort_unstable_by(f64::total_cmp);

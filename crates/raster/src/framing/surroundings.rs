@@ -1,4 +1,5 @@
-//! A scene divided into what is in it and the far shell that closes it all around, such as a sky dome.
+//! A scene divided into what is in it and the far shell that closes it all around, such as a sky
+//! dome.
 
 use super::viewpoint::{Scenery, viewpoint};
 use glam::Vec3;
@@ -36,8 +37,8 @@ impl<'a> Surroundings<'a> {
         Self { scene, before, behind }
     }
 
-    /// The first viewpoint, with `up` upwards; one of the photos' `cameras`, if there are any. `None` without
-    /// visible triangles.
+    /// The first viewpoint, with `up` upwards; one of the photos' `cameras`, if there are any.
+    /// `None` without visible triangles.
     pub fn viewpoint(&self, cameras: &[Camera], up: Vec3) -> Option<Viewpoint> {
         let corners = |i: usize| self.scene.corners(self.before[i]);
         let room = |from: Vec3| self.room(from);
@@ -60,7 +61,8 @@ impl<'a> Surroundings<'a> {
         corners.map(|corner| corner.distance_squared(from)).fold(f32::INFINITY, f32::min).sqrt()
     }
 
-    /// How far in a direction of length one from a place the scene is closed; infinite when it is open there.
+    /// How far in a direction of length one from a place the scene is closed; infinite when it is
+    /// open there.
     pub fn room_towards(&self, from: Vec3, way: Vec3) -> f32 {
         let hits =
             self.behind.iter().filter_map(|triangle| hit(self.scene.corners(*triangle), from, way));
@@ -108,7 +110,8 @@ const LEAST_COVERED: f32 = 0.7;
 /// Number of tested directions: lines of the grid on each face of a cube.
 const GRID: usize = 8;
 
-/// Flags of the `count` triangles, given by their `corners`, that are a far shell; `None` without one. `[N]`
+/// Flags of the `count` triangles, given by their `corners`, that are a far shell; `None` without
+/// one. `[N]`
 pub fn far_shell(corners: &(dyn Fn(usize) -> [Vec3; 3] + Sync), count: usize) -> Option<Vec<bool>> {
     if count < LEAST_TRIANGLES {
         return None;
@@ -209,7 +212,8 @@ fn directions() -> Vec<Vec3> {
     (0..6).flat_map(of_face).collect()
 }
 
-/// The faces of the cube, rows and columns of the directions in which a triangle may lie: few where its corners are on one face.
+/// The faces of the cube, rows and columns of the directions in which a triangle may lie: few where
+/// its corners are on one face.
 fn near_directions(corners: &[Vec3; 3]) -> [Range<usize>; 3] {
     let face_of =
         |v: &Vec3| 2 * v.abs().max_position() + usize::from(v[v.abs().max_position()] < 0.0);

@@ -1,5 +1,5 @@
-//! The first viewpoint of a scene: the place of a photo, or around the subject, that shows the subject best:
-//! whole, large, level, unobstructed, from somewhat above.
+//! The first viewpoint of a scene: the place of a photo, or around the subject, that shows the
+//! subject best: whole, large, level, unobstructed, from somewhat above.
 
 use super::subject::{MOST_POINTS, Sight, Subject, Survey, orbit_range};
 use glam::{DVec3, UVec2, Vec2, Vec3};
@@ -14,7 +14,8 @@ const BEST_ELEVATION: f32 = 0.342;
 const ELEVATION_SPREAD: f32 = 0.5;
 /// Sines of the elevations of viewpoints around the subject; the first is tried in all directions.
 const ELEVATIONS: [f32; 3] = [0.342, 0.643, 0.087];
-/// Distances around the subject, relative to the one that shows it whole; nearer ones for enclosed subjects.
+/// Distances around the subject, relative to the one that shows it whole; nearer ones for enclosed
+/// subjects.
 const NEARER: [f32; 3] = [1.0, 0.6, 0.35];
 /// A nearer place must score this much higher.
 const NEARER_GAIN: f32 = 1.5;
@@ -132,8 +133,8 @@ fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
         camera.size.x as f32 / (2.0 * camera.focal.x),
         camera.size.y as f32 / (2.0 * camera.focal.y),
     ];
-    // A window may be narrower than the photo, so the photo's horizontal angle becomes the vertical one. Nothing is
-    // missing beyond it where nothing surrounds the subject.
+    // A window may be narrower than the photo, so the photo's horizontal angle becomes the vertical
+    // one. Nothing is missing beyond it where nothing surrounds the subject.
     let needed = half_tangent(subject.radius, depth.max(subject.radius), MOST_SINE);
     let most = if subject.is_alone { needed } else { needed.min(wide) };
     let fov = 2.0 * libm::atan(f64::from(high.max(most)));
@@ -147,8 +148,8 @@ fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
     }
 }
 
-/// The camera of a viewpoint for a picture of `size` that shows the whole subject, independent of the
-/// viewpoint's lens.
+/// The camera of a viewpoint for a picture of `size` that shows the whole subject, independent of
+/// the viewpoint's lens.
 fn camera_holding(viewpoint: &Viewpoint, size: UVec2) -> Camera {
     let camera = viewpoint.camera(size);
     let Some(radius) = viewpoint.radius else { return camera };
@@ -157,9 +158,10 @@ fn camera_holding(viewpoint: &Viewpoint, size: UVec2) -> Camera {
     Camera { focal: camera.focal.min(Vec2::splat(most)), ..camera }
 }
 
-/// `count` cameras for pictures of `size` on the circle that begins at `viewpoint` and goes around its subject. All of the
-/// subject stays in the picture. `up` is the axis that points up; `room` gives the distance from the target at which something closes
-/// the scene in a direction: a camera behind that moves closer.
+/// `count` cameras for pictures of `size` on the circle that begins at `viewpoint` and goes around
+/// its subject. All of the subject stays in the picture. `up` is the axis that points up; `room`
+/// gives the distance from the target at which something closes the scene in a direction: a camera
+/// behind that moves closer.
 pub fn orbit(
     viewpoint: &Viewpoint,
     up: Vec3,
@@ -226,14 +228,16 @@ fn of_photos(cameras: &[Camera], subject: Subject, up: Vec3) -> Vec<Candidate> {
     (0..cameras.len()).step_by(step).map(level).collect()
 }
 
-/// Tangent of half the visual angle of a ball at a distance, at most that of an angle with this sine.
+/// Tangent of half the visual angle of a ball at a distance, at most that of an angle with this
+/// sine.
 fn half_tangent(radius: f32, distance: f32, most_sine: f32) -> f32 {
     let sine = (radius / distance).min(most_sine);
     sine / (1.0 - sine * sine).sqrt()
 }
 
-/// A ring of cameras around the subject at an elevation of this sine. Their distance shows the whole subject,
-/// times `nearer`. In a scene that is closed at the distance `room`, they stay inside and have a wider lens.
+/// A ring of cameras around the subject at an elevation of this sine. Their distance shows the
+/// whole subject, times `nearer`. In a scene that is closed at the distance `room`, they stay
+/// inside and have a wider lens.
 fn ring(subject: Subject, up: Vec3, sine: f32, nearer: f32, room: f32) -> Vec<Candidate> {
     let sin_half = HALF_FOV_TAN / (1.0 + HALF_FOV_TAN * HALF_FOV_TAN).sqrt();
     let whole = MARGIN * subject.radius / sin_half;
@@ -253,8 +257,8 @@ fn ring(subject: Subject, up: Vec3, sine: f32, nearer: f32, room: f32) -> Vec<Ca
         .collect()
 }
 
-/// Cosines and sines of twelve directions around a circle, as constants, so that they are the same on every
-/// system.
+/// Cosines and sines of twelve directions around a circle, as constants, so that they are the same
+/// on every system.
 fn directions() -> impl Iterator<Item = [f32; 2]> {
     const HALF_ROOT_3: f32 = 0.866_025_4;
     let quarter = [[1.0, 0.0], [HALF_ROOT_3, 0.5], [0.5, HALF_ROOT_3]];

@@ -1,4 +1,5 @@
-//! Gaussians on the screen: ellipses with an opacity, a colour and a depth, and the tiles that they touch.
+//! Gaussians on the screen: ellipses with an opacity, a colour and a depth, and the tiles that they
+//! touch.
 
 use crate::kernel::sh;
 use crate::soft::splats::{DepthKey, by_depth};
@@ -15,7 +16,8 @@ pub(super) const ALPHA_CAP: f32 = 0.99;
 pub(super) const LOG2_CUTOFF: f32 = -7.994_353_4;
 /// A pixel ends with the layer that brings its transmittance below this.
 pub(super) const MIN_TRANSMITTANCE: f32 = 1e-4;
-/// The Jacobian of the projection is taken no farther from the axis than this many times half the view.
+/// The Jacobian of the projection is taken no farther from the axis than this many times half the
+/// view.
 pub(super) const VIEW_GUARD: f32 = 1.3;
 
 /// How to draw.
@@ -27,7 +29,8 @@ pub struct GaussianOptions {
     pub near: f32,
 }
 
-/// Depth of the near plane in units of the scene's size, for scenes so small that the usual depth would cut into them.
+/// Depth of the near plane in units of the scene's size, for scenes so small that the usual depth
+/// would cut into them.
 const NEAR_PER_SIZE: f64 = 0.01;
 
 impl GaussianOptions {
@@ -49,9 +52,9 @@ impl Default for GaussianOptions {
 /// Gaussians that one task projects.
 const PER_TASK: usize = 4096;
 
-/// A Gaussian on the screen. At (dx, dy) px from its middle, its alpha is 2 to the power of
-/// `level - (along dx + shear dy)² - (down dy)²`: a sum of squares, which stays exact where the coefficients of the inverse
-/// covariance cancel, as for long and thin ones.
+/// A Gaussian on the screen. At (dx, dy) px from its middle, its alpha is 2 to the power of `level
+/// - (along dx + shear dy)² - (down dy)²`: a sum of squares, which stays exact where the
+/// coefficients of the inverse covariance cancel, as for long and thin ones.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ellipse {
     pub(super) middle: Vec2,
@@ -244,7 +247,8 @@ fn add(ellipse: &Ellipse, index: u32, size: UVec2, rows: &mut [Vec<Run>]) {
     }
 }
 
-/// How far the part of an ellipse between two heights extends to the left and right of its middle, px.
+/// How far the part of an ellipse between two heights extends to the left and right of its middle,
+/// px.
 fn extent(ellipse: &Ellipse, from: f32, to: f32) -> Option<(f32, f32)> {
     let Ellipse { along, shear, down, .. } = *ellipse;
     let reach = ellipse.reach_squared();
@@ -254,7 +258,8 @@ fn extent(ellipse: &Ellipse, from: f32, to: f32) -> Option<(f32, f32)> {
     if from > to + MARGIN {
         return None;
     }
-    // The right end of a line is (√(reach - (down dy)²) - shear dy) / along, concave in dy and largest here.
+    // The right end of a line is (√(reach - (down dy)²) - shear dy) / along, concave in dy and
+    // largest here.
     let widest = -half * shear / (shear * shear + down * down).sqrt();
     let end = |dy: f32| {
         let dy = dy.min(to).max(from);

@@ -1,5 +1,6 @@
-//! The photometric loss (1 - λ) L1 + λ (1 - SSIM) and its exact gradient (Held et al. 2025, eq. 3; SSIM as
-//! [`trisplat_scene::math::metric`] defines it, mean over pixels and channels). A squared error may be added to L1.
+//! The photometric loss (1 - λ) L1 + λ (1 - SSIM) and its exact gradient (Held et al. 2025, eq. 3;
+//! SSIM as [`trisplat_scene::math::metric`] defines it, mean over pixels and channels). A squared
+//! error may be added to L1.
 //!
 //! ```text
 //! S = (2 mx my + C1)(2 sxy + C2) / ((mx² + my² + C1)(sxx + syy + C2))
@@ -7,9 +8,9 @@
 //! ∂ΣS/∂x = G(∂S/∂mx) + 2 x G(∂S/∂Gx²) + y G(∂S/∂Gxy)      (G is its own adjoint)
 //! ```
 //!
-//! Rows stay interleaved: a blur along x is the same loop with a stride of three. Three passes, each
-//! parallel over rows, each written by one task; sums run over rows in order, so the bits do not depend on
-//! the number of threads.
+//! Rows stay interleaved: a blur along x is the same loop with a stride of three. Three passes,
+//! each parallel over rows, each written by one task; sums run over rows in order, so the bits do
+//! not depend on the number of threads.
 
 pub use super::ssim::LossNumber;
 
@@ -47,8 +48,8 @@ pub struct Scratch<R> {
 
 /// Returns the means and writes ∂loss/∂rendered. `dssim` is λ, the weight of 1 - SSIM.
 ///
-/// `rendered`, `photo` and `d_rendered` are `[H * W]`, rows from the top; `weight`, when given, is a weight
-/// per pixel (a mask), `[H * W]`. The loss is still a mean over all H * W pixels.
+/// `rendered`, `photo` and `d_rendered` are `[H * W]`, rows from the top; `weight`, when given, is
+/// a weight per pixel (a mask), `[H * W]`. The loss is still a mean over all H * W pixels.
 pub fn photometric_grad<R: LossNumber>(
     width: usize,
     rendered: &[[R; 3]],
@@ -76,7 +77,8 @@ pub fn photometric_grad<R: LossNumber>(
     let l1_scale = R::of((1.0 - dssim) / count);
     let taps = &taps;
     let grads = &scratch.grads[..];
-    // Pass 3: the gradient maps blurred along y, combined with the pictures and the gradient by their difference.
+    // Pass 3: the gradient maps blurred along y, combined with the pictures and the gradient by
+    // their difference.
     let sums: Vec<(f64, f64)> = parallel::map_with(
         d_rendered.as_flattened_mut().chunks_mut(row),
         || vec![R::default(); (GRADS + 3) * row],
@@ -232,7 +234,8 @@ mod tests {
                 moved[p][c] = x[p][c] - h;
                 let down = loss(width, &moved, &y, weight, dssim).0;
                 let difference = (up - down) / (2.0 * h);
-                // λ passes through f32 once (scale): 6e-8 relative; the rest is the difference quotient's own.
+                // λ passes through f32 once (scale): 6e-8 relative; the rest is the difference
+                // quotient's own.
                 assert!(
                     (difference - grad[p][c]).abs() < 1e-9,
                     "{at}: {difference} vs {}",

@@ -1,11 +1,13 @@
-//! Normal consistency (Huang et al. 2024, 2DGS, eq. 14): drawn normals against those of the depth map.
+//! Normal consistency (Huang et al. 2024, 2DGS, eq. 14): drawn normals against those of the depth
+//! map.
 //!
 //! ```text
 //! A = 1 - T,  D = depth / A,  P = D · K⁻¹(p, 1)
 //! N = -(∂P/∂x × ∂P/∂y) normalised, by central differences
 //! loss = mean over pixels of A (1 - n · N), the factor A held constant;  n: Σ w n as drawn
 //! ```
-//! Pixels on the border, or next to one whose coverage is below `MIN_COVERAGE`, have no N and no loss.
+//! Pixels on the border, or next to one whose coverage is below `MIN_COVERAGE`, have no N and no
+//! loss.
 
 use trisplat_scene::math::real::{Real, V3};
 use trisplat_scene::parallel::{self, GRAIN};

@@ -1,8 +1,10 @@
-//! A triangle seen by one camera (Held et al. 2025, section 3), and its pieces in front of the near plane.
+//! A triangle seen by one camera (Held et al. 2025, section 3), and its pieces in front of the near
+//! plane.
 
 use trisplat_scene::math::real::{Mask, Real, V2, V3};
 
-/// A triangle in camera space as a corner and two differences, so that a small far triangle keeps its precision.
+/// A triangle in camera space as a corner and two differences, so that a small far triangle keeps
+/// its precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraTriangle<R> {
     /// v0.
@@ -55,7 +57,8 @@ pub struct SplatGrad<R> {
     pub by_incenter: R,
 }
 
-/// ∂L of a [`DepthPlane`] as seen from pixels; `inv_depth` sums ∂L/∂(1/z), `slope` sums it times (p - origin).
+/// ∂L of a [`DepthPlane`] as seen from pixels; `inv_depth` sums ∂L/∂(1/z), `slope` sums it times (p
+/// - origin).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthPlaneGrad<R> {
     /// Sum of ∂L/∂(1/z).
@@ -80,8 +83,8 @@ fn outline<R: Real>([a, b]: [V2<R>; 2]) -> ([V2<R>; 3], [R; 3], R, R) {
     (outline, lengths, lengths[0] + lengths[1] + lengths[2], a.cross(b))
 }
 
-/// The splat of a triangle wholly in front of the camera. Degenerate triangles give inradius 0 or NaN and
-/// edges that must not be used.
+/// The splat of a triangle wholly in front of the camera. Degenerate triangles give inradius 0 or
+/// NaN and edges that must not be used.
 #[inline(always)]
 pub fn splat<R: Real>(corners: &CameraTriangle<R>, focal: V2<R>, center: V2<R>) -> Splat<R> {
     let CameraTriangle { first, edges } = *corners;
@@ -195,7 +198,8 @@ pub fn depth_plane<R: Real>(corners: &CameraTriangle<R>, focal: V2<R>) -> DepthP
     }
 }
 
-/// The unnormalised normal of the edges scaled to size one, and that scale, so that no square can overflow.
+/// The unnormalised normal of the edges scaled to size one, and that scale, so that no square can
+/// overflow.
 #[inline(always)]
 fn scaled_normal<R: Real>(corners: &CameraTriangle<R>) -> (V3<R>, R) {
     let [e1, e2] = corners.edges;
@@ -208,7 +212,8 @@ fn towards_camera<R: Real>(offset: R, inv_length: R) -> R {
     R::select(offset.lt(R::of(0.0)), inv_length, -inv_length)
 }
 
-/// Gradient of the corners for the gradient `d` of their [`depth_plane`] and of the origin it is measured from.
+/// Gradient of the corners for the gradient `d` of their [`depth_plane`] and of the origin it is
+/// measured from.
 #[inline(always)]
 pub fn depth_plane_grad<R: Real>(
     corners: &CameraTriangle<R>,
@@ -241,7 +246,8 @@ pub fn depth_plane_grad<R: Real>(
     CameraTriangle { first: d_first + moved.first, edges: [e2.cross(d_n), d_n.cross(e1)] }
 }
 
-/// Opacity factor of tiny triangles: 0 at inradius 0, 1 from `full_px` on, smooth between; 1 for `full_px` = 0.
+/// Opacity factor of tiny triangles: 0 at inradius 0, 1 from `full_px` on, smooth between; 1 for
+/// `full_px` = 0.
 ///
 /// ```text
 /// x = clamp(inradius / full_px, 0, 1),  fade = x² (3 - 2x)
@@ -277,9 +283,10 @@ pub fn incenter<R: Real>(splat: &Splat<R>) -> V2<R> {
     (a.scale(l2) + b.scale(l0)).scale(R::of(1.0) / (l0 + l1 + l2))
 }
 
-// ---- Clips a triangle at the near plane, as an engine does: the part in front is one or two triangles ----
+// ---- Clips a triangle at the near plane, as an engine does: the part in front is one or two triangles
 
-/// A corner of a piece: the point between two corners of the triangle, or the corner itself when both are the same.
+/// A corner of a piece: the point between two corners of the triangle, or the corner itself when
+/// both are the same.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct PieceCorner {
     /// The corner in front of the plane.
@@ -288,7 +295,8 @@ pub struct PieceCorner {
     pub to: u8,
 }
 
-/// A piece of a triangle, corners in the triangle's own winding; the first is always a corner of the triangle.
+/// A piece of a triangle, corners in the triangle's own winding; the first is always a corner of
+/// the triangle.
 pub type Piece = [PieceCorner; 3];
 
 const fn corner(from: u8, to: u8) -> PieceCorner {
@@ -298,7 +306,8 @@ const fn corner(from: u8, to: u8) -> PieceCorner {
 /// The whole triangle.
 pub const WHOLE: Piece = [corner(0, 0), corner(1, 1), corner(2, 2)];
 
-/// The pieces in front of the plane: none, one or two. `front[i]` says whether corner i is in front of it.
+/// The pieces in front of the plane: none, one or two. `front[i]` says whether corner i is in front
+/// of it.
 pub fn pieces(front: [bool; 3]) -> ([Piece; 2], usize) {
     // PieceCorner i is alone on its side, j and k follow it.
     let from = |i: u8| (i, (i + 1) % 3, (i + 2) % 3);

@@ -25,7 +25,8 @@ impl LossNumber for f32 {
         for at in (0..whole).step_by(BLOCK) {
             sum_block::<L, VECTORS>(rows, at, out);
         }
-        // The last vector begins earlier where it would end beyond the row: those numbers come out the same again.
+        // The last vector begins earlier where it would end beyond the row: those numbers come out
+        // the same again.
         for at in (whole..n).step_by(LANES) {
             sum_block::<L, 1>(rows, at.min(n - LANES), out);
         }
@@ -43,8 +44,8 @@ impl LossNumber for f64 {
 const REACH: usize = TAPS / 2;
 /// Numbers of padding on each side of an interleaved row.
 pub(super) const PAD: usize = REACH * 3;
-/// Vectors that are summed at once: as many chains of additions as hide their latency, and as fit the
-/// registers of AVX2.
+/// Vectors that are summed at once: as many chains of additions as hide their latency, and as fit
+/// the registers of AVX2.
 const VECTORS: usize = 4;
 /// Numbers in them.
 const BLOCK: usize = VECTORS * LANES;

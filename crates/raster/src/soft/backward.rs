@@ -360,7 +360,8 @@ impl<L: Lanes> BackwardSplat<'_, L> {
         value
     }
 
-    /// Adds the gradient of block `b` for the transmittance in front, Σ w ∂L/∂w behind, and the layer's ∂L/∂w.
+    /// Adds the gradient of block `b` for the transmittance in front, Σ w ∂L/∂w behind, and the
+    /// layer's ∂L/∂w.
     #[inline(always)]
     fn add_grad(
         &self,

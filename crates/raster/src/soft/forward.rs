@@ -26,9 +26,9 @@ pub(super) enum Slab {
     Next,
 }
 
-/// Draws all tiles into `pixels`. Writes the blocks where each splat was drawn into the entries and, if the
-/// options require it, the weight of each entry into `weights`. Draws the background only for a frame in one
-/// part; otherwise [`background`] does.
+/// Draws all tiles into `pixels`. Writes the blocks where each splat was drawn into the entries
+/// and, if the options require it, the weight of each entry into `weights`. Draws the background
+/// only for a frame in one part; otherwise [`background`] does.
 pub(super) fn draw(
     splats: &Splats,
     tiles: &mut Tiles,
@@ -278,8 +278,8 @@ impl TilePixels {
         }
     }
 
-    /// Adds a layer to everything except the transmittance; returns its weight and the transmittance behind
-    /// it.
+    /// Adds a layer to everything except the transmittance; returns its weight and the
+    /// transmittance behind it.
     #[inline(always)]
     fn blend<L: Lanes>(
         &mut self,

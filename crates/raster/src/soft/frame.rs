@@ -1,4 +1,5 @@
-//! What the soft rasteriser takes and returns: options and a soup in, a frame out, and the gradients of both.
+//! What the soft rasteriser takes and returns: options and a soup in, a frame out, and the
+//! gradients of both.
 
 use glam::{UVec2, Vec3};
 use std::ops::Range;
@@ -21,7 +22,8 @@ pub enum Window {
     /// Held et al. 2025, eq. 1.
     #[default]
     Soft,
-    /// The covered part of each pixel, as in an engine's antialiased picture; σ and the fade have no effect.
+    /// The covered part of each pixel, as in an engine's antialiased picture; σ and the fade have
+    /// no effect.
     Coverage {
         /// Width of the ramp across an edge, px; 1 is a pixel's own filter.
         width_px: f32,
@@ -47,15 +49,19 @@ pub struct SoftOptions {
     pub min_transmittance: f32,
     /// Depth of the near plane at which triangles are clipped, world units, > 0.
     pub near: f32,
-    /// Inradius from which a triangle has its full opacity, px; smaller ones fade smoothly; 0 never fades.
+    /// Inradius from which a triangle has its full opacity, px; smaller ones fade smoothly; 0 never
+    /// fades.
     pub fade_px: f32,
-    /// Least ratio at which ∂I/∂ratio is evaluated, which limits the steepness of the window; 0 is exact.
+    /// Least ratio at which ∂I/∂ratio is evaluated, which limits the steepness of the window; 0 is
+    /// exact.
     pub ratio_least: f32,
     /// Whether depth, normal and distortion are drawn too.
     pub geometry: bool,
     /// Depths that the distortion maps to 0 and 1 (0.2 and 100 in the reference code).
     pub depth_range: [f32; 2],
-    /// Whether the weights for [`SoftRasterizer::accumulate_importance`](super::SoftRasterizer::accumulate_importance) are summed.
+    /// Whether the weights for
+    /// [`SoftRasterizer::accumulate_importance`](super::SoftRasterizer::accumulate_importance) are
+    /// summed.
     pub importance: bool,
 }
 
@@ -80,8 +86,8 @@ impl Default for SoftOptions {
 }
 
 impl SoftOptions {
-    /// With the alpha cap raised to the least of these opacities, as at the end of training, so that an
-    /// entirely solid soup is drawn without leaks. `[N]`
+    /// With the alpha cap raised to the least of these opacities, as at the end of training, so
+    /// that an entirely solid soup is drawn without leaks. `[N]`
     pub fn with_cap_for(self, opacity: &[f32]) -> Self {
         let least = opacity.iter().copied().fold(1.0, f32::min);
         Self { alpha_cap: self.alpha_cap.max(least), ..self }
@@ -98,13 +104,15 @@ impl SoftOptions {
 pub struct Frame {
     /// Width and height, px.
     pub size: UVec2,
-    /// Colour, background included; not clamped above. sRGB-encoded unless [`SoftOptions::linear`](super::SoftOptions::linear).
+    /// Colour, background included; not clamped above. sRGB-encoded unless
+    /// [`SoftOptions::linear`](super::SoftOptions::linear).
     pub rgb: Vec<[f32; 3]>,
     /// Transmittance T behind the last layer: the visible part of the background.
     pub transmittance: Vec<f32>,
     /// Σ w z; divide by 1 - transmittance for the expected depth. Empty unless requested.
     pub depth: Vec<f32>,
-    /// Depth at which the transmittance falls below 1/2, 0 where it never does. Empty unless requested.
+    /// Depth at which the transmittance falls below 1/2, 0 where it never does. Empty unless
+    /// requested.
     pub median_depth: Vec<f32>,
     /// Σ w n in camera space, n towards the camera. Empty unless requested.
     pub normal: Vec<[f32; 3]>,
@@ -127,7 +135,8 @@ impl Frame {
     }
 }
 
-/// Gradient of a loss L with respect to a [`Frame`]; empty means zero, except `d_rgb`, which is always needed.
+/// Gradient of a loss L with respect to a [`Frame`]; empty means zero, except `d_rgb`, which is
+/// always needed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FrameGrad {
     /// ∂L/∂rgb. `[height * width]`
@@ -207,7 +216,8 @@ pub struct SoupGrad {
     pub sigma: Vec<f32>,
     /// ∂L/∂sh. `[N * K]`
     pub sh: Vec<[f32; 3]>,
-    /// Each triangle's share of [`FrameGrad::error`](super::FrameGrad::error), Σ w error over the pixels. `[N]`
+    /// Each triangle's share of [`FrameGrad::error`](super::FrameGrad::error), Σ w error over the
+    /// pixels. `[N]`
     pub error: Vec<f32>,
     /// Triangles that were drawn on at least one pixel, ascending.
     pub visible: Vec<u32>,

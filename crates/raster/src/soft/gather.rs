@@ -1,4 +1,5 @@
-//! Gathers the gradients of (splat, tile) pairs into those of the triangles, in a fixed order; those of corners sixteen splats at once.
+//! Gathers the gradients of (splat, tile) pairs into those of the triangles, in a fixed order;
+//! those of corners sixteen splats at once.
 
 use super::frame::{SoftOptions, SoupGrad, SoupRef, Window};
 use super::slots::{ERROR, GEOMETRY_SUMS, GradSlots, OPACITY, RATIO, RGB, SIGMA, SplatSums};
@@ -182,7 +183,8 @@ impl GradRows<'_> {
         self.sh[i * self.k..(i + 1) * self.k].fill([0.0; 3]);
     }
 
-    /// Writes the rows of the triangles that were drawn; returns them and the number of non-finite ones.
+    /// Writes the rows of the triangles that were drawn; returns them and the number of non-finite
+    /// ones.
     fn fill(&mut self, pairs: &PairGrads, projected: &[ProjectedSplat]) -> (Vec<u32>, usize) {
         let Self { soup, camera, options, .. } = *self;
         let mut visible = Vec::with_capacity(projected.len());
@@ -225,9 +227,10 @@ impl GradRows<'_> {
 
     /// Writes one row; false, and zeros, when it is not finite.
     fn write(&mut self, row: &GradRow, rgb: [f32; 3], triangle: usize) -> bool {
-        // The colour is clamped at 0, which stops a gradient that would lower it further. One that raises it
-        // passes, because the optimiser overshoots and the colour could otherwise never return. In linear light
-        // the colour is also clamped at 1, as in engines, where all gradients pass for the same reason.
+        // The colour is clamped at 0, which stops a gradient that would lower it further. One that
+        // raises it passes, because the optimiser overshoots and the colour could otherwise never
+        // return. In linear light the colour is also clamped at 1, as in engines, where all
+        // gradients pass for the same reason.
         let d_rgb = std::array::from_fn(|c| match rgb[c] > 0.0 || row.rgb[c] < 0.0 {
             true if self.options.linear => row.rgb[c] * decode(srgb_from_linear(rgb[c])).1,
             true => row.rgb[c],
@@ -285,8 +288,8 @@ struct GradRow {
 }
 
 impl GradRow {
-    /// Adds the gradients without geometry. A sum is ∂L/∂log(effective opacity), so ∂L/∂log of each of its
-    /// factors.
+    /// Adds the gradients without geometry. A sum is ∂L/∂log(effective opacity), so ∂L/∂log of each
+    /// of its factors.
     fn add(&mut self, sums: &SplatSums, opacity: f32) {
         for c in 0..3 {
             self.rgb[c] += sums.base[RGB + c];

@@ -1,8 +1,9 @@
-//! Layers of a block of sixteen pixels: a splat's shade there; and with an order per pixel, the layers sorted by the depth of their planes.
+//! Layers of a block of sixteen pixels: a splat's shade there; and with an order per pixel, the
+//! layers sorted by the depth of their planes.
 //!
-//! Every layer is kept, so the order is exact, intersecting triangles included. Only the transmittance
-//! depends on the order. After [`BlockLayers::replay`] has computed it, everything else is summed layer by
-//! layer as usual.
+//! Every layer is kept, so the order is exact, intersecting triangles included. Only the
+//! transmittance depends on the order. After [`BlockLayers::replay`] has computed it, everything
+//! else is summed layer by layer as usual.
 
 use super::frame::{SoftOptions, Window};
 use super::splats::{SplatRecord, Splats};
@@ -169,7 +170,8 @@ impl<L: Lanes> BroadcastPlane<L> {
         }
     }
 
-    /// 1 / z at `offset` from the origin; positive inside the triangle, and bounded away from 0 against rounding.
+    /// 1 / z at `offset` from the origin; positive inside the triangle, and bounded away from 0
+    /// against rounding.
     #[inline(always)]
     pub(super) fn inv_depth(&self, offset: V2<L>) -> L {
         self.slope
@@ -210,8 +212,8 @@ pub(super) struct BlockLayer {
     pub(super) behind: [f32; LANES],
 }
 
-/// Depth of the occluder of each pixel of a block, for early termination: one layer whose alpha ends the
-/// pixel, or two that do so together. Layers behind it are never visible.
+/// Depth of the occluder of each pixel of a block, for early termination: one layer whose alpha
+/// ends the pixel, or two that do so together. Layers behind it are never visible.
 struct OccluderDepth<L> {
     /// 1 / depth of the occluder, 0 where there is none.
     inv_depth: L,
@@ -362,10 +364,11 @@ impl BlockLayers {
         PixelLimits { cap, min_transmittance, window: self.window }
     }
 
-    /// Blends every pixel in its own order, ties by index. Sets the light in front of and the sum behind
-    /// every layer, and omits layers behind the one that ends a pixel.
+    /// Blends every pixel in its own order, ties by index. Sets the light in front of and the sum
+    /// behind every layer, and omits layers behind the one that ends a pixel.
     ///
-    /// Each round takes the nearest remaining layer of all sixteen pixels at once; pixels of opaque scenes have few.
+    /// Each round takes the nearest remaining layer of all sixteen pixels at once; pixels of opaque
+    /// scenes have few.
     #[inline(always)]
     pub(super) fn replay<L: Lanes>(
         &mut self,

@@ -174,7 +174,8 @@ impl PieceGroup {
         self.len += 1;
     }
 
-    /// Adds the splats that are drawn, without their colours, and the bits of their depths; empties the group.
+    /// Adds the splats that are drawn, without their colours, and the bits of their depths; empties
+    /// the group.
     #[inline(always)]
     fn project<L: Lanes>(
         &mut self,
@@ -235,7 +236,8 @@ impl PieceGroup {
         self.len = 0;
     }
 
-    /// The numbers of each splat's record and box, its radius and depth; and those that are drawn, one bit each.
+    /// The numbers of each splat's record and box, its radius and depth; and those that are drawn,
+    /// one bit each.
     #[inline(always)]
     fn splats<L: Lanes>(
         &self,
@@ -251,8 +253,8 @@ impl PieceGroup {
         let log2_opacity = opacity.log2();
         let sigma = L::load(&self.sigma);
         let log2_cutoff = L::splat(options.cutoff.log2());
-        // The smallest drawn ratio or coverage, its inset from the edges, by how much the bounds grow, and the
-        // unit of distances from edges.
+        // The smallest drawn ratio or coverage, its inset from the edges, by how much the bounds
+        // grow, and the unit of distances from edges.
         let (floor, inset, grown, scale) = match options.window {
             Window::Soft => {
                 let floor = window::ratio_floor(log2_opacity, sigma, log2_cutoff);
@@ -326,7 +328,8 @@ fn is_inside<L: Lanes>([x0, y0, x1, y1]: &[L; 4], size: [f32; 2]) -> L::Mask {
     across.and(zero.lt(*y1)).and(y0.lt(L::splat(size[1])))
 }
 
-/// Left, top, right and bottom of {ratio >= inset}, the triangle shrunk about its incenter by 1 - inset, grown by `grown` px.
+/// Left, top, right and bottom of {ratio >= inset}, the triangle shrunk about its incenter by 1 -
+/// inset, grown by `grown` px.
 #[inline(always)]
 fn bounds<L: Lanes>(splat: &Splat<L>, inset: L, grown: L) -> [L; 4] {
     let incenter = splat::incenter(splat);

@@ -1,4 +1,5 @@
-//! Results of the passes per (splat, tile) pair, and their sums over tiles and views in a fixed order: gradients, and the importance of triangles.
+//! Results of the passes per (splat, tile) pair, and their sums over tiles and views in a fixed
+//! order: gradients, and the importance of triangles.
 
 use super::splats::{CHUNK, ProjectedSplat, Projection};
 use super::tiles::{self, Tiles};
@@ -65,7 +66,8 @@ pub(super) struct SplatSums {
     pub(super) geometry: [f32; GEOMETRY_SUMS],
 }
 
-/// Prefetches the `values` of the pairs of a splat soon after `i`, and the list of pairs of a later one.
+/// Prefetches the `values` of the pairs of a splat soon after `i`, and the list of pairs of a later
+/// one.
 #[inline]
 pub(super) fn prefetch_ahead<T>(
     tiles: &Tiles,
@@ -85,7 +87,8 @@ pub(super) fn prefetch_ahead<T>(
 }
 
 impl SplatSums {
-    /// The sums of every splat of a chunk. In a separate loop, so that its many scattered reads overlap.
+    /// The sums of every splat of a chunk. In a separate loop, so that its many scattered reads
+    /// overlap.
     pub(super) fn of_chunk(
         tiles: &Tiles,
         slots: &GradSlots,
@@ -123,8 +126,8 @@ impl SplatSums {
     }
 }
 
-/// The pixels of a photo that count for the importance of triangles. A training ignores the others, so what only they show is compared with
-/// nothing.
+/// The pixels of a photo that count for the importance of triangles. A training ignores the others,
+/// so what only they show is compared with nothing.
 #[derive(Debug, Clone, Copy)]
 pub struct CountedPixels<'a> {
     /// 0: does not count. `[H * W]` of the photo
@@ -158,7 +161,8 @@ pub struct Importance {
     pub pixels: Vec<u32>,
     /// Largest distance of a corner from the centroid on the screen, px.
     pub max_radius_px: Vec<f32>,
-    /// Reciprocal of its least depth in a view that drew it on more than one pixel; 0 without such a view.
+    /// Reciprocal of its least depth in a view that drew it on more than one pixel; 0 without such
+    /// a view.
     pub nearness: Vec<f32>,
 }
 
@@ -245,7 +249,8 @@ mod tests {
 
     const PHOTO: UVec2 = UVec2::new(37, 21);
 
-    /// Triangles of about 8 photo pixels, one beside the other in front of the camera; every second is soft.
+    /// Triangles of about 8 photo pixels, one beside the other in front of the camera; every second
+    /// is soft.
     fn soup() -> Soup {
         let mut soup = Soup::default();
         for i in 0..9u8 {
@@ -301,7 +306,8 @@ mod tests {
                 once.sum_weight.iter().zip(&singly.sum_weight).all(close),
                 "{once:?} is not {singly:?}"
             );
-            // The last triangles are in the right half only: drawn, but shown by no pixel that counts.
+            // The last triangles are in the right half only: drawn, but shown by no pixel that
+            // counts.
             assert!(once.max_weight[0] > 0.5 && once.views[0] == 1);
             let last = soup().len() - 1;
             assert_eq!(

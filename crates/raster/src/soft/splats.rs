@@ -1,4 +1,5 @@
-//! The splats of a frame: their triangles in camera space, clipped at the near plane; first in the order of the triangles, then by depth.
+//! The splats of a frame: their triangles in camera space, clipped at the near plane; first in the
+//! order of the triangles, then by depth.
 
 use crate::kernel::splat::{self, CameraTriangle, DepthPlane, Piece, PieceCorner};
 use glam::{Mat3, Vec3};
@@ -12,8 +13,9 @@ pub(super) const CHUNK: usize = 1024;
 /// Records are prefetched this many splats ahead.
 pub(super) const PREFETCH_AHEAD: usize = 6;
 
-/// A splat's record for pixels: one cache line. With `Window::Coverage` `edge` and `shift` are in widths of
-/// its ramp and `floor` is the smallest coverage drawn; else they are in inradii, and the smallest ratio.
+/// A splat's record for pixels: one cache line. With `Window::Coverage` `edge` and `shift` are in
+/// widths of its ramp and `floor` is the smallest coverage drawn; else they are in inradii, and the
+/// smallest ratio.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(C, align(64))]
 pub(super) struct SplatRecord {

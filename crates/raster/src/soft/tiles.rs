@@ -1,4 +1,5 @@
-//! Tiles of 16x16 pixels and their blocks of 4x4, one pixel per lane: the splats that touch them, and what the passes leave at their pixels.
+//! Tiles of 16x16 pixels and their blocks of 4x4, one pixel per lane: the splats that touch them,
+//! and what the passes leave at their pixels.
 
 use super::frame::Window;
 use super::splats::{ScreenBox, SplatRecord, Splats};
@@ -271,8 +272,8 @@ impl Tiles {
         self.scatter(0, splats);
     }
 
-    /// Moves the pairs to their tiles; the order within a tile is that of the splats; the first has rank
-    /// `first`.
+    /// Moves the pairs to their tiles; the order within a tile is that of the splats; the first has
+    /// rank `first`.
     fn scatter(&mut self, first: u32, splats: usize) {
         self.starts.clear();
         self.starts.resize(self.len() + 1, 0);
@@ -318,7 +319,8 @@ impl Tiles {
 pub(super) struct KeptPairs(BinnedRange);
 
 impl KeptPairs {
-    /// Adds the drawn pairs of lists with the next splats; `on_pair` gets the entry of each kept pair.
+    /// Adds the drawn pairs of lists with the next splats; `on_pair` gets the entry of each kept
+    /// pair.
     pub(super) fn add(&mut self, tiles: &Tiles, mut on_pair: impl FnMut(usize)) {
         let Self(kept) = self;
         let mut tile_of_entry = vec![0; tiles.entries.len()];
@@ -354,7 +356,8 @@ pub(super) fn split_by_tile<'a, T>(mut values: &'a mut [T], starts: &[u32]) -> V
         .collect()
 }
 
-/// Counts and emits in one function, because two copies of these tests could differ in the last bit.
+/// Counts and emits in one function, because two copies of these tests could differ in the last
+/// bit.
 struct Emit<'a> {
     records: &'a [SplatRecord],
     bounds: &'a [ScreenBox],
@@ -381,8 +384,9 @@ impl Work for Emit<'_> {
 }
 
 impl Emit<'_> {
-    /// Emits the tiles a splat touches. A block is omitted if one of five separating axes (three edges, two of
-    /// the box) shows a gap between the shrunk triangle and the box of the block's pixel centres: an exact test.
+    /// Emits the tiles a splat touches. A block is omitted if one of five separating axes (three
+    /// edges, two of the box) shows a gap between the shrunk triangle and the box of the block's
+    /// pixel centres: an exact test.
     #[inline(always)]
     fn emit<L: Lanes>(&mut self, record: &SplatRecord, bounds: &ScreenBox) {
         let floor = record.floor - self.slack;
@@ -420,7 +424,8 @@ impl Emit<'_> {
 /// Half the side of the box of a block's pixel centres, plus the margin.
 const HALF: f32 = 1.5 + MARGIN;
 
-/// For every block the largest ratio to one edge, plus `constant`, were the tile at the splat's origin.
+/// For every block the largest ratio to one edge, plus `constant`, were the tile at the splat's
+/// origin.
 #[inline(always)]
 fn reach<L: Lanes>([ex, ey]: [f32; 2], constant: f32, block_x: L, block_y: L) -> L {
     let constant = L::splat(HALF * (ex.abs() + ey.abs()) + constant);

@@ -1,9 +1,10 @@
-//! Projects, clips and bins faces, in rounds, so that memory grows with the picture and not with the layers behind each other.
+//! Projects, clips and bins faces, in rounds, so that memory grows with the picture and not with
+//! the layers behind each other.
 //!
-//! The bins of all faces have no bound: 100,000 triangles that fill the picture are in every tile. At a limit
-//! of pairs of triangles and tiles, the tiles are filled. Then triangles behind all samples of a tile are
-//! omitted from the bins of the next round. The samples do not change, because the nearest face wins in any
-//! order.
+//! The bins of all faces have no bound: 100,000 triangles that fill the picture are in every tile.
+//! At a limit of pairs of triangles and tiles, the tiles are filled. Then triangles behind all
+//! samples of a tile are omitted from the bins of the next round. The samples do not change,
+//! because the nearest face wins in any order.
 
 use super::projector::{GRID, GUARD, Projector, SnappedTriangle, clip, snap_group};
 use glam::{UVec2, Vec3};
@@ -17,7 +18,8 @@ const GROUP: usize = LANES;
 /// Smallest number of faces in a batch.
 const LEAST_BATCH: usize = 4096;
 
-/// Splits the faces into batches; [`bin`] fills their bins. The picture does not depend on the number of batches.
+/// Splits the faces into batches; [`bin`] fills their bins. The picture does not depend on the
+/// number of batches.
 pub(super) fn start(batches: &mut Vec<Batch>, mesh: &Mesh) {
     let faces = mesh.face_count();
     let count = (4 * parallel::threads()).min(faces.div_ceil(LEAST_BATCH));
@@ -28,8 +30,8 @@ pub(super) fn start(batches: &mut Vec<Batch>, mesh: &Mesh) {
     }
 }
 
-/// Empties the bins and fills them with the next faces, about `pairs` pairs of triangles and tiles, without
-/// `hidden` ones. Returns whether no face is left.
+/// Empties the bins and fills them with the next faces, about `pairs` pairs of triangles and tiles,
+/// without `hidden` ones. Returns whether no face is left.
 pub(super) fn bin(
     batches: &mut [Batch],
     mesh: &Mesh,
@@ -234,7 +236,7 @@ impl BinFaces<'_> {
     }
 }
 
-// ---- Tiles, the bins of faces in them, and the nearest face of every sample as one number ------------
+// ---- Tiles, the bins of faces in them, and the nearest face of every sample as one number -------
 
 /// Width of a tile, samples.
 pub(super) const TILE_WIDTH: usize = 64;
@@ -242,7 +244,8 @@ pub(super) const TILE_WIDTH: usize = 64;
 pub(super) const TILE_HEIGHT: usize = 32;
 /// Half a sample on the grid: the offset of its centre.
 pub(super) const CENTER: i32 = GRID / 2;
-/// Largest extent of a tiny triangle, units of the grid: single precision holds its edge functions exactly.
+/// Largest extent of a tiny triangle, units of the grid: single precision holds its edge functions
+/// exactly.
 pub(super) const TINY: i32 = 8 * GRID;
 
 /// A tiny triangle; its corners are relative to the corner of its tile.
@@ -324,8 +327,8 @@ pub(super) fn extent(values: [i32; 3]) -> (i32, i32) {
     (values[0].min(values[1]).min(values[2]), values[0].max(values[1]).max(values[2]))
 }
 
-/// The smallest value of an edge function that counts as inside (the top-left rule): 0 for a top or left edge, 1
-/// for the others, whose samples belong to the neighbour.
+/// The smallest value of an edge function that counts as inside (the top-left rule): 0 for a top or
+/// left edge, 1 for the others, whose samples belong to the neighbour.
 #[inline(always)]
 pub(super) fn least_inside(dx: i32, dy: i32) -> i32 {
     i32::from(!(dy < 0 || (dy == 0 && dx > 0)))
@@ -335,14 +338,15 @@ pub(super) fn least_inside(dx: i32, dy: i32) -> i32 {
 pub(super) const LANE: [f32; LANES] =
     [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
 
-/// Samples by which a block may extend beyond its tile on the right and below; enough to keep runs of `spans`
-/// within the keys.
+/// Samples by which a block may extend beyond its tile on the right and below; enough to keep runs
+/// of `spans` within the keys.
 const RIM: usize = 3;
 /// Keys from one row of a tile to the next.
 pub(super) const STRIDE: usize = TILE_WIDTH + RIM;
 
-/// The key of a sample: 1/z in the upper half, the complement of the face in the lower. The larger key is
-/// nearer or, at the same depth, has the lower face index. Zero means empty; negative keys lose to it.
+/// The key of a sample: 1/z in the upper half, the complement of the face in the lower. The larger
+/// key is nearer or, at the same depth, has the lower face index. Zero means empty; negative keys
+/// lose to it.
 pub(super) type SampleKey = i64;
 
 /// The samples of a tile and a rim that is never read.
@@ -369,8 +373,8 @@ pub(super) fn key(w: f32, face: u32) -> SampleKey {
     (i64::from(w.to_bits().cast_signed()) << 32) | i64::from(!face)
 }
 
-/// The least 1/z of a tile's samples: 0 if one is empty. `size` are the samples of the tile within the
-/// picture.
+/// The least 1/z of a tile's samples: 0 if one is empty. `size` are the samples of the tile within
+/// the picture.
 pub(super) fn farthest(keys: &SampleKeys, size: UVec2) -> f32 {
     let rows = keys.chunks(STRIDE).take(size.y as usize);
     let least = rows.map(|row| row[..size.x as usize].iter().copied().min().unwrap_or(0));
@@ -398,8 +402,8 @@ pub(super) struct TileDepths {
 }
 
 impl TileDepths {
-    /// From the keys of all tiles, with `planes` for each; hidden means hidden in all planes. `[tiles *
-    /// planes]`
+    /// From the keys of all tiles, with `planes` for each; hidden means hidden in all planes.
+    /// `[tiles * planes]`
     pub(super) fn new(keys: &[SampleKeys], planes: usize, size: UVec2) -> Self {
         let of_tile = |tile: usize, planes: &[SampleKeys]| {
             let size = tile_size(size, tile_place(size, tile));
@@ -411,8 +415,8 @@ impl TileDepths {
         Self { tiles, rows }
     }
 
-    /// Whether a tile hides a triangle whose nearest corner has the 1/z `nearest`. An equal depth is not
-    /// hidden, because the lower face index wins.
+    /// Whether a tile hides a triangle whose nearest corner has the 1/z `nearest`. An equal depth
+    /// is not hidden, because the lower face index wins.
     #[inline(always)]
     pub(super) fn hides(&self, tile: usize, nearest: f32) -> bool {
         nearest < self.tiles[tile]

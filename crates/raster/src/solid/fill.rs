@@ -1,8 +1,9 @@
-//! Finds the nearest face at every sample of a tile: tiny triangles sample by sample, others by the exact ends of each row.
+//! Finds the nearest face at every sample of a tile: tiny triangles sample by sample, others by the
+//! exact ends of each row.
 //!
-//! Ordinary tiles are drawn without sorting, which would cost more than it saves. When the drawn area shows
-//! that a tile is deep, the nearest triangles of a batch are drawn first, and triangles behind all samples
-//! are dropped. So time grows with the visible layers.
+//! Ordinary tiles are drawn without sorting, which would cost more than it saves. When the drawn
+//! area shows that a tile is deep, the nearest triangles of a batch are drawn first, and triangles
+//! behind all samples are dropped. So time grows with the visible layers.
 
 use super::bin::{
     Batch, CENTER, LANE, LargeTriangle, STRIDE, SampleKeys, TILE_HEIGHT, TILE_WIDTH, TinyTriangle,
@@ -59,7 +60,8 @@ impl Work for FillTile<'_> {
 const LANE_X: [f32; LANES] = grid(GRID as f32, 0.0, 0.0);
 const LANE_Y: [f32; LANES] = grid(0.0, GRID as f32, 0.0);
 
-/// Draws a tiny triangle in blocks of 4 x 4 samples. All numbers except the depth are integers below 2^24.
+/// Draws a tiny triangle in blocks of 4 x 4 samples. All numbers except the depth are integers
+/// below 2^24.
 #[inline(always)]
 fn draw_tiny<L: Lanes>(keys: &mut SampleKeys, tiny: &TinyTriangle) {
     let [x0, mut x1, mut x2] = [i32::from(tiny.x[0]), i32::from(tiny.x[1]), i32::from(tiny.x[2])];
@@ -160,7 +162,8 @@ impl TileLayers {
         }
     }
 
-    /// Draws the nearest of some triangles, drops what is hidden then, and continues with twice as many.
+    /// Draws the nearest of some triangles, drops what is hidden then, and continues with twice as
+    /// many.
     #[inline(always)]
     fn draw_deep<L: Lanes>(
         &self,
@@ -180,7 +183,8 @@ impl TileLayers {
                 return;
             }
             let first = count.min(left.len());
-            // Which triangles come first changes the time, not the picture: the nearest face wins in any order.
+            // Which triangles come first changes the time, not the picture: the nearest face wins
+            // in any order.
             left.select_nth_unstable_by(first - 1, |a, b| b.0.total_cmp(&a.0));
             for (_, place) in left.drain(..first) {
                 draw_large::<L>(keys, &batch.large[place as usize], corner);
@@ -204,7 +208,8 @@ fn area_in_tile(large: &LargeTriangle, corner: [i32; 2]) -> i64 {
 
 /// Rows whose ends are found together.
 const ROWS: usize = 8;
-/// An edge function of a big triangle. Its values at samples are integers below 2^53: f64 holds them exactly.
+/// An edge function of a big triangle. Its values at samples are integers below 2^53: f64 holds
+/// them exactly.
 #[derive(Clone, Copy)]
 struct Edge {
     /// Value at the first sample.
@@ -232,8 +237,9 @@ impl Edge {
         }
     }
 
-    /// Narrows the spans of some rows to the inside of this edge. Quotients are rounded, so the samples next
-    /// to each end are tested. Plain loops over arrays: they become vector instructions.
+    /// Narrows the spans of some rows to the inside of this edge. Quotients are rounded, so the
+    /// samples next to each end are tested. Plain loops over arrays: they become vector
+    /// instructions.
     #[inline(always)]
     fn narrow(&self, row: i32, spans: &mut Spans) {
         let most = TILE_WIDTH as f64;

@@ -1,4 +1,5 @@
-//! Projects world points to samples on a grid, and clips triangles at the near plane and the guard band.
+//! Projects world points to samples on a grid, and clips triangles at the near plane and the guard
+//! band.
 
 use glam::{DMat3, DVec2, DVec3, UVec2, Vec3};
 use trisplat_scene::camera::Camera;
@@ -6,13 +7,14 @@ use trisplat_scene::math::lanes::{LANES, Lanes};
 
 /// Units per sample of the grid that corners are snapped to.
 pub(super) const GRID: i32 = 256;
-/// Half-width of the guard band, samples: triangles that extend farther from the origin are clipped.
+/// Half-width of the guard band, samples: triangles that extend farther from the origin are
+/// clipped.
 pub(super) const GUARD: f32 = 32_768.0;
 
 /// A camera whose pixels are samples.
 ///
-/// Single precision suffices near the picture, because the camera's position is subtracted first, in two
-/// parts: a world far from its origin loses nothing.
+/// Single precision suffices near the picture, because the camera's position is subtracted first,
+/// in two parts: a world far from its origin loses nothing.
 #[derive(Debug, Clone)]
 pub(super) struct Projector {
     /// Width and height, samples.
@@ -118,8 +120,8 @@ pub(super) fn snap(at: f32) -> i32 {
     (at * GRID as f32).round_ties_even() as i32
 }
 
-/// [`snap`] of sixteen; arbitrary far outside the guard band. Single casts, which check for numbers out of
-/// range, took a third of the projection.
+/// [`snap`] of sixteen; arbitrary far outside the guard band. Single casts, which check for numbers
+/// out of range, took a third of the projection.
 #[inline(always)]
 pub(super) fn snap_group<L: Lanes>(at: &[f32; LANES], to: &mut [i32; LANES]) {
     (L::load(at) * L::splat(GRID as f32)).store_rounded(to);
@@ -224,8 +226,8 @@ impl Polygon {
         self.count += 1;
     }
 
-    /// The part for which `distance` is not negative (Sutherland and Hodgman 1974); `keep` decides the side
-    /// of a point.
+    /// The part for which `distance` is not negative (Sutherland and Hodgman 1974); `keep` decides
+    /// the side of a point.
     fn clip(
         &self,
         distance: impl Fn(&ClipPoint) -> f64,

@@ -101,7 +101,8 @@ impl ShadeTile<'_, '_> {
         }
     }
 
-    /// Shades samples as engines filter textures: trilinear, at the level where a texel is as large as a pixel.
+    /// Shades samples as engines filter textures: trilinear, at the level where a texel is as large
+    /// as a pixel.
     fn shade_textured(&self, y: usize, texture: &FaceTexture, row: &mut SampleRow) {
         let mut seen = (NO_FACE, None);
         for (x, face) in self.faces::<TILE_WIDTH>(0, y).into_iter().enumerate() {
@@ -219,7 +220,8 @@ impl ShadeTile<'_, '_> {
 
 type LaneValues = [f32; LANES];
 
-/// The faces of sixteen samples, as a structure of arrays. The weights of an empty sample are arbitrary.
+/// The faces of sixteen samples, as a structure of arrays. The weights of an empty sample are
+/// arbitrary.
 #[derive(Default)]
 struct SampleFaces {
     /// From the camera to the first corner, in world axes.
@@ -233,7 +235,8 @@ struct SampleFaces {
 }
 
 impl SampleFaces {
-    /// Perspective-correct weights of the corners where the rays meet the faces (Möller and Trumbore 1997).
+    /// Perspective-correct weights of the corners where the rays meet the faces (Möller and
+    /// Trumbore 1997).
     #[inline(always)]
     fn weights<L: Lanes>(&self, ray: [L; 3]) -> [L; 3] {
         let load = |v: &[LaneValues; 3]| [L::load(&v[0]), L::load(&v[1]), L::load(&v[2])];

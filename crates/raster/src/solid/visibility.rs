@@ -1,4 +1,5 @@
-//! The face and depth that every sample sees, of all faces or of each of some planes, and the barycentric coordinates there.
+//! The face and depth that every sample sees, of all faces or of each of some planes, and the
+//! barycentric coordinates there.
 
 use super::bin::{STRIDE, SampleKey, SampleKeys, face_of};
 use super::projector::Projector;
@@ -58,7 +59,8 @@ impl FaceBarycentrics {
         Self { opposite: [b.cross(c), c.cross(a), a.cross(b)] }
     }
 
-    /// Interpolates values of corners where a ray meets the face's plane, within the face or beyond it.
+    /// Interpolates values of corners where a ray meets the face's plane, within the face or beyond
+    /// it.
     pub(super) fn mixed(&self, ray: DVec3, of_corners: &[Vec2; 3]) -> Vec2 {
         let parts = self.opposite.map(|n| n.dot(ray));
         let per = 1.0 / (parts[0] + parts[1] + parts[2]);
@@ -87,8 +89,8 @@ impl FaceBarycentrics {
     }
 }
 
-/// The nearest face of a set at a sample. The greater of two is nearer; at the same depth it has the lower
-/// face index.
+/// The nearest face of a set at a sample. The greater of two is nearer; at the same depth it has
+/// the lower face index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Nearest(SampleKey);
 

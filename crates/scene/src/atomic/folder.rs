@@ -1,8 +1,8 @@
 //! Folders of files that belong together, too many to be open at once.
 //!
-//! They are made in an inner folder, `.folder.trisplat.new`, and moved to their places when all are on the
-//! disk. Old files are moved into it first, and an error puts them back. From when its part `new` is called
-//! `whole`, the next run finishes what a killed run began.
+//! They are made in an inner folder, `.folder.trisplat.new`, and moved to their places when all are
+//! on the disk. Old files are moved into it first, and an error puts them back. From when its part
+//! `new` is called `whole`, the next run finishes what a killed run began.
 
 use super::names::{ASIDE, folder_of};
 use super::temporary::{MadeFolders, Temporary, forget, list, register, unregister};
@@ -20,7 +20,9 @@ pub struct FolderLock(#[expect(dead_code, reason = "held until it is dropped")] 
 impl FolderLock {
     /// Of an existing folder.
     ///
-    /// Errors: another program that writes into it; what the operating system refuses.
+    /// # Errors
+    ///
+    /// Another program that writes into it; what the operating system refuses.
     pub fn take(folder: &Path) -> Result<Self> {
         let busy = |e: io::Error| match e.kind() {
             io::ErrorKind::ResourceBusy => io::Error::new(
@@ -33,8 +35,8 @@ impl FolderLock {
     }
 }
 
-/// A folder under construction. Files of other names in it are left alone; dropping it leaves the folder
-/// unchanged.
+/// A folder under construction. Files of other names in it are left alone; dropping it leaves the
+/// folder unchanged.
 #[derive(Debug)]
 pub struct AtomicFolder {
     folder: PathBuf,
@@ -46,9 +48,12 @@ pub struct AtomicFolder {
 }
 
 impl AtomicFolder {
-    /// Starts the files of `folder`, which is made if missing. What a killed process was moving in is moved in.
+    /// Starts the files of `folder`, which is made if missing. What a killed process was moving in
+    /// is moved in.
     ///
-    /// Errors: another program that writes into it; what the operating system refuses.
+    /// # Errors
+    ///
+    /// Another program that writes into it; what the operating system refuses.
     pub fn create(folder: &Path) -> Result<Self> {
         let io = |e| Error::io(folder, e);
         let made = MadeFolders::make(folder)?;
@@ -67,7 +72,9 @@ impl AtomicFolder {
 
     /// Finishes the moves that a killed process left half done in `folder`.
     ///
-    /// Errors: those of [`AtomicFolder::create`].
+    /// # Errors
+    ///
+    /// Those of [`AtomicFolder::create`].
     pub fn recover(folder: &Path) -> Result<()> {
         match folder.join(ASIDE).exists() {
             true => Self::create(folder).map(drop),
@@ -99,10 +106,12 @@ impl AtomicFolder {
         Ok(path)
     }
 
-    /// Moves the files to their places when they are on the disk. Those that begin with `naming`, which name
-    /// the others, come last. After an error each name has its old file.
+    /// Moves the files to their places when they are on the disk. Those that begin with `naming`,
+    /// which name the others, come last. After an error each name has its old file.
     ///
-    /// Errors: what the operating system refuses.
+    /// # Errors
+    ///
+    /// What the operating system refuses.
     pub fn publish(self, naming: &str) -> Result<()> {
         let io = |e| Error::io(&self.folder, e);
         let mut names = Vec::new();
@@ -122,7 +131,8 @@ impl AtomicFolder {
 
 impl Drop for AtomicFolder {
     fn drop(&mut self) {
-        // Try again after a failure, because obstacles may be temporary. The next run removes the rest.
+        // Try again after a failure, because obstacles may be temporary. The next run removes the
+        // rest.
         let remove = |_: io::Error| std::fs::remove_dir_all(&self.aside);
         let _ = std::fs::remove_dir_all(&self.aside).or_else(remove);
         unregister(&self.aside);
@@ -144,7 +154,8 @@ fn collect(folder: &Path, below: &Path, names: &mut Vec<PathBuf>) -> io::Result<
 }
 
 fn sync(path: &Path) -> io::Result<()> {
-    // Unix syncs files that are read-only, as copied photos may be; Windows only those that may be written.
+    // Unix syncs files that are read-only, as copied photos may be; Windows only those that may be
+    // written.
     File::options().read(true).write(cfg!(not(unix))).open(path)?.sync_all()
 }
 
@@ -153,7 +164,8 @@ fn holds_files(folder: &Path) -> bool {
     collect(folder, Path::new(""), &mut names).is_ok() && !names.is_empty()
 }
 
-/// Moves whole files to their places, those that begin with `naming` last, and the old ones out of them.
+/// Moves whole files to their places, those that begin with `naming` last, and the old ones out of
+/// them.
 fn move_in(folder: &Path, aside: &Path, naming: &str) -> Result<()> {
     let whole = aside.join("whole");
     let old = aside.join("old");

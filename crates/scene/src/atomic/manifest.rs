@@ -1,9 +1,9 @@
-//! The list of the files that this program wrote into a folder of the user's: no others are replaced or
-//! removed there.
+//! The list of the files that this program wrote into a folder of the user's: no others are
+//! replaced or removed there.
 //!
-//! Each file has its size and hash. A file has none while it is being written: it is entered before the first
-//! byte, so that whatever a killed run leaves is known as ours. What is not in the list or has changed since,
-//! and what is a link, belongs to the user.
+//! Each file has its size and hash. A file has none while it is being written: it is entered before
+//! the first byte, so that whatever a killed run leaves is known as ours. What is not in the list
+//! or has changed since, and what is a link, belongs to the user.
 
 use super::{AtomicFile, hash_of};
 use crate::error::{Error, Result};
@@ -51,7 +51,9 @@ struct Stored {
 impl Manifest {
     /// Reads the list of `root` from its file `name`; empty if there is none.
     ///
-    /// Errors: a file of that name that is no such list; what the operating system refuses.
+    /// # Errors
+    ///
+    /// A file of that name that is no such list; what the operating system refuses.
     pub fn read(root: &Path, name: &'static str) -> Result<Self> {
         let path = root.join(name);
         let mut text = String::new();
@@ -73,7 +75,9 @@ impl Manifest {
 
     /// Enters `names` before they are written.
     ///
-    /// Errors: a file of the user's under such a name; what the operating system refuses.
+    /// # Errors
+    ///
+    /// A file of the user's under such a name; what the operating system refuses.
     pub fn begin(&mut self, names: &[&str]) -> Result<()> {
         let mut files = self.files.clone();
         for name in names {
@@ -87,7 +91,9 @@ impl Manifest {
 
     /// Enters size and hash of what was begun.
     ///
-    /// Errors: what the operating system refuses.
+    /// # Errors
+    ///
+    /// What the operating system refuses.
     pub fn finish(&mut self) -> Result<()> {
         let mut files = self.files.clone();
         for name in self.files.keys().filter(|name| self.files[*name].is_none()) {
@@ -102,7 +108,9 @@ impl Manifest {
 
     /// Removes the file `name` if it is ours.
     ///
-    /// Errors: what the operating system refuses.
+    /// # Errors
+    ///
+    /// What the operating system refuses.
     pub fn remove(&mut self, name: &str) -> Result<()> {
         if self.not_ours(name)?.is_none() {
             remove(&self.root.join(name))?;
@@ -114,7 +122,9 @@ impl Manifest {
 
     /// Removes every file of the list, then the list. The user's files stay.
     ///
-    /// Errors: what the operating system refuses.
+    /// # Errors
+    ///
+    /// What the operating system refuses.
     pub fn clear(&mut self) -> Result<()> {
         for name in self.files.keys() {
             if self.not_ours(name)?.is_none() {

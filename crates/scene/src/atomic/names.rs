@@ -15,8 +15,8 @@ const DEVICES: [&str; 6] = ["CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"];
 /// The same, followed by a digit.
 const NUMBERED_DEVICES: [&str; 2] = ["COM", "LPT"];
 
-/// Make a file name of a foreign `name`: without separators, `..`, characters or names with a meaning for a system, and without a
-/// leading dash, which programs take for an option.
+/// Make a file name of a foreign `name`: without separators, `..`, characters or names with a
+/// meaning for a system, and without a leading dash, which programs take for an option.
 pub fn safe_name(name: &str) -> String {
     let is_special = |c: char| c.is_control() || "/\\:*?\"<>|".contains(c);
     let plain = name.replace(is_special, "_");
@@ -36,7 +36,8 @@ pub fn safe_name(name: &str) -> String {
     }
 }
 
-/// Make a relative path of a foreign one: the parts of `path` as [`safe_name`]s; those that lead elsewhere are left out.
+/// Make a relative path of a foreign one: the parts of `path` as [`safe_name`]s; those that lead
+/// elsewhere are left out.
 pub fn safe_path(path: &str) -> PathBuf {
     let parts = path.split('/').filter(|part| !["", ".", ".."].contains(part));
     parts.map(safe_name).collect()

@@ -1,4 +1,5 @@
-//! What this process makes and removes again, unless it is kept: temporary files, one for each target, and new folders.
+//! What this process makes and removes again, unless it is kept: temporary files, one for each
+//! target, and new folders.
 
 use super::names::{ASIDE, temporary_name};
 use crate::error::{Error, Result};
@@ -149,8 +150,8 @@ pub(super) fn forget(list: &mut Vec<PathBuf>, path: &Path) {
     }
 }
 
-/// Removes every temporary file of this process and keeps files from getting names: for a process that is about to end
-/// without dropping its values. It must end then.
+/// Removes every temporary file of this process and keeps files from getting names: for a process
+/// that is about to end without dropping its values. It must end then.
 pub fn remove_temporaries() {
     let mut list = list();
     // Files of a folder are removed before the folder.
@@ -176,7 +177,9 @@ pub struct MadeFolders {
 impl MadeFolders {
     /// Makes `folder` and its parents if missing.
     ///
-    /// Errors: what the operating system refuses.
+    /// # Errors
+    ///
+    /// What the operating system refuses.
     pub fn make(folder: &Path) -> Result<Self> {
         let missing =
             folder.ancestors().take_while(|path| !path.as_os_str().is_empty() && !path.exists());

@@ -9,8 +9,8 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Decodes a picture; its first bytes decide the format, not its name. Its stated size is checked before
-/// memory is allocated.
+/// Decodes a picture; its first bytes decide the format, not its name. Its stated size is checked
+/// before memory is allocated.
 pub(super) fn decode(path: &Path, limits: &Limits) -> Result<image::DynamicImage> {
     Opened::new(path, limits)?.decode(path, limits)
 }
@@ -59,7 +59,8 @@ impl Opened {
     }
 }
 
-/// A picture of `len` bytes; of WebP and TIFF the decoders hold the whole picture, but not the file.
+/// A picture of `len` bytes; of WebP and TIFF the decoders hold the whole picture, but not the
+/// file.
 fn decode_from(
     path: &Path,
     mut file: impl BufRead + Seek,
@@ -82,8 +83,8 @@ fn decode_from(
     })
 }
 
-/// Decodes a picture smaller if its format supports it and no side falls below that of `least`: a JPEG at 1/2,
-/// 1/4 or 1/8, an opaque PNG at `least`; otherwise in full. Returns its full size too.
+/// Decodes a picture smaller if its format supports it and no side falls below that of `least`: a
+/// JPEG at 1/2, 1/4 or 1/8, an opaque PNG at `least`; otherwise in full. Returns its full size too.
 pub(super) fn decode_reduced(
     path: &Path,
     least: UVec2,
@@ -190,8 +191,9 @@ pub(super) fn has_alpha(path: &Path, mut file: impl BufRead + Seek) -> Result<bo
 
 /// Most pixels per byte of a file.
 ///
-/// Deflate reaches 1032 bytes per byte (zlib's technical details), and a PNG has one bit per pixel at least. A JPEG spends
-/// a bit on the mean of every block of 8x8 pixels. WebP can say "all of it is grey" in a few bytes.
+/// Deflate reaches 1032 bytes per byte (zlib's technical details), and a PNG has one bit per pixel
+/// at least. A JPEG spends a bit on the mean of every block of 8x8 pixels. WebP can say "all of it
+/// is grey" in a few bytes.
 fn most_pixels_per_byte(format: Option<image::ImageFormat>) -> u64 {
     match format {
         Some(image::ImageFormat::Png) => 1032 * 8,
@@ -251,12 +253,13 @@ fn no_picture(path: &Path) -> Option<String> {
     }
 }
 
-// ---- JPEG files: whether they are whole, and how they are read at a part of their size ---------------
+// ---- JPEG files: whether they are whole, and how they are read at a part of their size ----------
 
 pub(super) const JPEG_START: [u8; 2] = [0xff, 0xd8];
 pub(super) const JPEG_END: [u8; 2] = [0xff, 0xd9];
 
-/// A JPEG of colours or greys, reduced to `wanted`; `None` of another kind, or one that the whole decoder is to judge.
+/// A JPEG of colours or greys, reduced to `wanted`; `None` of another kind, or one that the whole
+/// decoder is to judge.
 pub(super) fn reduced(
     path: &Path,
     bytes: &[u8],
@@ -287,7 +290,8 @@ pub(super) fn reduced(
     })
 }
 
-/// Walks the segments of a JPEG file up to its end marker; what cameras append behind it does not count.
+/// Walks the segments of a JPEG file up to its end marker; what cameras append behind it does not
+/// count.
 pub(super) fn is_whole(bytes: &[u8]) -> bool {
     let mut at = JPEG_START.len();
     loop {
@@ -365,7 +369,8 @@ mod tests {
             std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
             assert!(RgbImage::size_of(&path, &Limits::DEFAULT).is_err(), "{format:?} cut short");
         }
-        // A red and a green half in cyan, magenta, yellow and black, as Adobe's programs write them.
+        // A red and a green half in cyan, magenta, yellow and black, as Adobe's programs write
+        // them.
         let cmyk = "/9j/7gAOQWRvYmUAZAAAAAAA/9sAQwADAgIDAgIDAwMDBAMDBAUIBQUEBAUKBwcGCAwKDAwLCgsLDQ4SEA0OEQ4LCxAWEBETFBUVFQwP\
                     FxgWFBgSFBUU/8AAFAgACAAQBEMRAE0RAFkRAEsRAP/EABcAAAMBAAAAAAAAAAAAAAAAAAAICQf/xAAUEAEAAAAAAAAAAAAAAAAAAAAA/9oA\
                     DgRDAE0AWQBLAAA/AHAIoUpVNDpUBqAf/9k=";

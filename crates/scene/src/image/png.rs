@@ -1,5 +1,6 @@
-//! PNG files, decoded row by row into 8 bits: memory holds neither the file nor a picture of 16 bits. Colour profiles
-//! and texts, which unpack to a thousand times their size, are skipped: colours are taken as sRGB anyway.
+//! PNG files, decoded row by row into 8 bits: memory holds neither the file nor a picture of 16
+//! bits. Colour profiles and texts, which unpack to a thousand times their size, are skipped:
+//! colours are taken as sRGB anyway.
 
 use super::shrink::AreaAverage;
 use crate::error::{Error, Result};
@@ -63,8 +64,9 @@ pub(super) fn decode(
     })
 }
 
-/// A picture of opaque colours or greys, shrunk to `wanted` while it is read, and its full size; `None` of one that
-/// is not larger, is not stored row after row, or that the whole decoder is to judge.
+/// A picture of opaque colours or greys, shrunk to `wanted` while it is read, and its full size;
+/// `None` of one that is not larger, is not stored row after row, or that the whole decoder is to
+/// judge.
 pub(super) fn reduced(
     path: &Path,
     file: impl BufRead + Seek,
@@ -152,12 +154,14 @@ pub(super) fn broken(path: &Path, error: DecodingError) -> Error {
     }
 }
 
-// ---- The palette of a PNG file: its decoder trusts it, so it is checked first ------------------------
+// ---- The palette of a PNG file: its decoder trusts it, so it is checked first -------------------
 
 /// Most colours of a palette, of 3 bytes each (PNG specification, 11.2.2).
 const MOST_COLORS: u32 = 256;
 
-/// Errors: a palette that is not of 1 to 256 whole colours. Checks the chunks up to the first pixels; other
+/// # Errors
+///
+/// A palette that is not of 1 to 256 whole colours. Checks the chunks up to the first pixels; other
 /// formats have no palette.
 pub(super) fn check(path: &Path, file: &mut (impl Read + Seek)) -> Result<()> {
     match bad_palette(file).map_err(|e| Error::io(path, e))? {

@@ -79,8 +79,8 @@ impl<const C: usize> AreaAverage<C> {
     }
 }
 
-/// For every new pixel: the first old pixel it touches, and the share that each old pixel has in it.
-/// The shares sum to 1.
+/// For every new pixel: the first old pixel it touches, and the share that each old pixel has in
+/// it. The shares sum to 1.
 fn cover(from: u32, to: u32) -> Vec<(usize, Vec<f32>)> {
     let step = f64::from(from) / f64::from(to);
     let span = |i: u32| {

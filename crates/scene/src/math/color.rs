@@ -1,4 +1,5 @@
-//! sRGB transfer functions (IEC 61966-2-1), their 8-bit codes, and the affine map between two pictures.
+//! sRGB transfer functions (IEC 61966-2-1), their 8-bit codes, and the affine map between two
+//! pictures.
 
 use super::real::Real;
 use glam::{DMat4, DVec3, DVec4};
@@ -46,7 +47,7 @@ pub fn linear_of_srgb8() -> &'static [f32; 256] {
     &TABLE
 }
 
-// ---- 8-bit sRGB codes from linear light: exact, and without a power function per channel -------------
+// ---- 8-bit sRGB codes from linear light: exact, and without a power function per channel --------
 
 /// The sRGB code nearest to a linear-light channel; values outside [0, 1] are clamped, NaN is 0.
 ///
@@ -61,9 +62,9 @@ pub fn srgb8_from_linear(linear: f32) -> u8 {
     code + u8::from(x >= table.next[code as usize])
 }
 
-/// A bucket holds the values that share sign, exponent and 7 bits of mantissa: 1/128 wide relative to
-/// its start. Neighbouring codes lie more than that apart (0.0088 at white, more below), so a bucket
-/// holds at most one step and a single comparison suffices.
+/// A bucket holds the values that share sign, exponent and 7 bits of mantissa: 1/128 wide relative
+/// to its start. Neighbouring codes lie more than that apart (0.0088 at white, more below), so a
+/// bucket holds at most one step and a single comparison suffices.
 const BUCKET_SHIFT: u32 = 16;
 const BUCKETS: usize = (1.0f32.to_bits() >> BUCKET_SHIFT) as usize + 1;
 
@@ -98,7 +99,7 @@ fn at_least(x: f64) -> f32 {
     if f64::from(near) < x { near.next_up() } else { near }
 }
 
-// ---- The power of the sRGB curve, x^2.4, rounded to the nearest f32 on every platform ----
+// ---- The power of the sRGB curve, x^2.4, rounded to the nearest f32 on every platform -----------
 
 /// The exponent rounded to f32, so that files stay bitwise the same.
 const EXPONENT: f64 = 2.4f32 as f64;
@@ -120,8 +121,8 @@ const SERIES: [f64; 5] = {
 /// x = t (1 + r):  x^2.4 = t^2.4 (1 + 2.4 r + 1.68 r^2 + 0.224 r^3 - 0.0336 r^4 + 0.010752 r^5 - ...)
 /// ```
 ///
-/// with t the start of one of 128 steps per octave. So r < 2^-7, and the remainder is less than 2e-15. It is
-/// computed in f64 and rounded once.
+/// with t the start of one of 128 steps per octave. So r < 2^-7, and the remainder is less than
+/// 2e-15. It is computed in f64 and rounded once.
 #[inline(always)]
 pub(super) fn power_2_4(x: f32) -> f32 {
     debug_assert!((SMALLEST..=1.0).contains(&x), "{x}");
@@ -158,10 +159,10 @@ static STEPS: LazyLock<Box<[Step; COUNT]>> = LazyLock::new(|| {
     }))
 });
 
-// ---- The affine colour map between two pictures with the least error ---------------------------------
+// ---- The affine colour map between two pictures with the least error ----------------------------
 
-/// Weight of the identity map, as a share of the picture's weight: it determines the directions that a
-/// picture of few colours leaves open.
+/// Weight of the identity map, as a share of the picture's weight: it determines the directions
+/// that a picture of few colours leaves open.
 const RIDGE: f64 = 1e-6;
 
 /// A map of sRGB-encoded colours, 0 to 1.
@@ -172,8 +173,9 @@ pub struct ColorMap {
 }
 
 impl ColorMap {
-    /// The map that brings `from` closest to `to`, by least squares. Weights per pixel, 0 to 255, exclude
-    /// masked pixels; `None` weights all equally. The pictures must have the same number of pixels.
+    /// The map that brings `from` closest to `to`, by least squares. Weights per pixel, 0 to 255,
+    /// exclude masked pixels; `None` weights all equally. The pictures must have the same number of
+    /// pixels.
     pub fn fit(from: &[[u8; 3]], to: &[[u8; 3]], weights: Option<&[u8]>) -> Self {
         assert_eq!(from.len(), to.len(), "pictures of different sizes");
         let mut matrix = DMat4::ZERO;
@@ -321,8 +323,8 @@ mod power_tests {
             all().filter(|x| code(power_2_4(*x), most) != code(x.powf(2.4), most)).count()
         };
         assert_eq!(differ(255.0), 0);
-        // `powf` is not always the nearest value: fewer than one 16-bit code in a million differs, and ours
-        // is right.
+        // `powf` is not always the nearest value: fewer than one 16-bit code in a million differs,
+        // and ours is right.
         assert!(differ(65535.0) < all().count() / 1_000_000, "{}", differ(65535.0));
     }
 }

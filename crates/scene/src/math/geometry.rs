@@ -1,4 +1,5 @@
-//! Geometry: extents of points, a sphere of triangles, eigenvectors of a matrix, and an order of points along a curve.
+//! Geometry: extents of points, a sphere of triangles, eigenvectors of a matrix, and an order of
+//! points along a curve.
 
 use super::lists::median;
 use glam::{DMat3, DVec3, Vec3};
@@ -36,14 +37,15 @@ pub fn spread(points: &[Vec3]) -> (DVec3, f64) {
     (middle, points.iter().map(|point| point.as_dvec3().distance(middle)).sum::<f64>() / count)
 }
 
-// ---- A sphere of triangles: an octahedron whose faces are repeatedly subdivided into four ----
+// ---- A sphere of triangles: an octahedron whose faces are repeatedly subdivided into four -------
 
 /// Number of triangles of a sphere after `subdivisions`.
 pub const fn face_count(subdivisions: u32) -> u64 {
     8 << (2 * subdivisions)
 }
 
-/// Corners on the unit sphere, and faces, counter-clockwise from outside. `[V]`, `[8 · 4^subdivisions]`
+/// Corners on the unit sphere, and faces, counter-clockwise from outside. `[V]`, `[8 ·
+/// 4^subdivisions]`
 pub fn octasphere(subdivisions: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let mut corners = vec![Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z];
     let mut faces: Vec<[u32; 3]> = (0..8u32)
@@ -74,13 +76,13 @@ pub fn octasphere(subdivisions: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     (corners, faces)
 }
 
-// ---- Eigenvectors of a symmetric 3×3 matrix ----------------------------------------------------------
+// ---- Eigenvectors of a symmetric 3×3 matrix -----------------------------------------------------
 
 /// Sweeps over the three off-diagonal elements; each squares the error, so five suffice for f64.
 const SWEEPS: usize = 12;
 
-/// Eigenvalues, smallest first, and their orthonormal eigenvectors, by Jacobi's rotations. The signs of the
-/// vectors are arbitrary.
+/// Eigenvalues, smallest first, and their orthonormal eigenvectors, by Jacobi's rotations. The
+/// signs of the vectors are arbitrary.
 pub fn symmetric_eigen(matrix: DMat3) -> [(f64, DVec3); 3] {
     let mut a = matrix.to_cols_array_2d();
     let mut v = DMat3::IDENTITY.to_cols_array_2d();
@@ -90,7 +92,8 @@ pub fn symmetric_eigen(matrix: DMat3) -> [(f64, DVec3); 3] {
                 continue;
             }
             let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-            // Square roots are rounded alike everywhere; `hypot` differs in its last bit from one C library to the next.
+            // Square roots are rounded alike everywhere; `hypot` differs in its last bit from one C
+            // library to the next.
             let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
             let c = 1.0 / (t * t + 1.0).sqrt();
             let s = t * c;
@@ -110,16 +113,17 @@ pub fn symmetric_eigen(matrix: DMat3) -> [(f64, DVec3); 3] {
     pairs
 }
 
-// ---- An order in which points that are near in space are near in a list ------------------------------
+// ---- An order in which points that are near in space are near in a list -------------------------
 
-/// The points along a Morton curve through their bounding box (meshoptimizer's spatial sort); equal points
-/// keep their order, and points that are not finite count as a corner of the box. Entry i is the i-th point
-/// of the order. `[N]`
+/// The points along a Morton curve through their bounding box (meshoptimizer's spatial sort); equal
+/// points keep their order, and points that are not finite count as a corner of the box. Entry i is
+/// the i-th point of the order. `[N]`
 pub fn along_curve(points: &[DVec3]) -> Vec<u32> {
     let finite = || points.iter().filter(|p| p.is_finite());
     let (min, max) = finite()
         .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| (min.min(p), max.max(p)));
-    // In the unit cube, because meshoptimizer works in f32, where the extent of a huge scene is infinite.
+    // In the unit cube, because meshoptimizer works in f32, where the extent of a huge scene is
+    // infinite.
     let size = (max - min).max_element();
     let scale = if size > 0.0 { 1.0 / size } else { 0.0 };
     let in_cube = |p: &DVec3| {

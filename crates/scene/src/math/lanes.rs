@@ -1,6 +1,7 @@
 //! SIMD values of sixteen f32, and the choice of the fastest such type of this CPU.
 //!
-//! All `unsafe` of the crate is here: vector instructions may run only where [`dispatch`] has detected them.
+//! All `unsafe` of the crate is here: vector instructions may run only where [`dispatch`] has
+//! detected them.
 
 use super::real::Mask;
 use std::cell::Cell;
@@ -38,8 +39,8 @@ thread_local! {
     static MOST: Cell<SimdLevel> = const { Cell::new(SimdLevel::Avx512) };
 }
 
-/// Does `work` with [`level`] at most `most`, to compare instruction sets. This affects only this thread, not
-/// those of a pool.
+/// Does `work` with [`level`] at most `most`, to compare instruction sets. This affects only this
+/// thread, not those of a pool.
 pub fn with_at_most<T>(most: SimdLevel, work: impl FnOnce() -> T) -> T {
     let before = MOST.replace(most);
     let out = work();

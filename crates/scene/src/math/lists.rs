@@ -3,7 +3,8 @@
 use crate::parallel;
 use std::cmp::Ordering;
 
-/// The median, the upper of two middle values; `None` of no values. `order` is `f32::total_cmp` or `f64::total_cmp`.
+/// The median, the upper of two middle values; `None` of no values. `order` is `f32::total_cmp` or
+/// `f64::total_cmp`.
 pub fn median<T: Copy>(mut values: Vec<T>, order: fn(&T, &T) -> Ordering) -> Option<T> {
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, order).1)
@@ -15,7 +16,7 @@ pub fn quantile(mut values: Vec<f32>, share: f32) -> Option<f32> {
     Some(*values.select_nth_unstable_by((last as f32 * share) as usize, f32::total_cmp).1)
 }
 
-// ---- A selection that is spread over a list ----------------------------------------------------------
+// ---- A selection that is spread over a list -----------------------------------------------------
 
 /// At most `count` of `len` indices, evenly spaced from 0 on.
 pub fn evenly_spaced(len: usize, count: usize) -> impl Iterator<Item = usize> {
@@ -23,7 +24,7 @@ pub fn evenly_spaced(len: usize, count: usize) -> impl Iterator<Item = usize> {
     (0..count).map(move |i| i * len / count)
 }
 
-// ---- Disjoint sets of numbers, which are joined one by one -------------------------------------------
+// ---- Disjoint sets of numbers, which are joined one by one --------------------------------------
 
 /// Sets of the numbers below a count; each number begins in a set of its own.
 #[derive(Debug)]
@@ -54,7 +55,7 @@ impl Sets {
     }
 }
 
-// ---- Range checks of long lists of numbers, in parallel ----------------------------------------------
+// ---- Range checks of long lists of numbers, in parallel -----------------------------------------
 
 const CHUNK: usize = 1 << 16;
 const EXPONENT: u32 = 0x7f80_0000;

@@ -1,8 +1,8 @@
 //! Image metrics between a picture and a photo: PSNR, SSIM and FLIP on 8-bit sRGB pixels.
 //!
-//! The conventions are those of 3DGS and everything measured against it: PSNR over all channels of one image,
-//! SSIM of Wang et al. 2004 with an 11x11 Gaussian, σ 1.5, zero padding, mean over channels. A weight per
-//! pixel, 0 to 255, excludes masked pixels; `None` weights all equally.
+//! The conventions are those of 3DGS and everything measured against it: PSNR over all channels of
+//! one image, SSIM of Wang et al. 2004 with an 11x11 Gaussian, σ 1.5, zero padding, mean over
+//! channels. A weight per pixel, 0 to 255, excludes masked pixels; `None` weights all equally.
 
 use super::real::Real;
 use crate::parallel;
@@ -35,8 +35,9 @@ pub fn ssim(size: UVec2, a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -
     weighted_mean(rows.into_iter().flatten(), weights)
 }
 
-/// Mean FLIP error in [0, 1], 0 for equal pictures (Andersson et al. 2020, LDR, 67 pixels per degree).
-/// Not symmetric: the photo is the reference. NaN when the size does not match the pictures.
+/// Mean FLIP error in [0, 1], 0 for equal pictures (Andersson et al. 2020, LDR, 67 pixels per
+/// degree). Not symmetric: the photo is the reference. NaN when the size does not match the
+/// pictures.
 pub fn flip(size: UVec2, reference: &[[u8; 3]], test: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
     let picture = |rgb: &[[u8; 3]]| {
         flip_rs::RgbImage::new(size.x as usize, size.y as usize, rgb.as_flattened().to_vec())
@@ -116,7 +117,8 @@ fn weighted_mean(values: impl Iterator<Item = f64>, weights: Option<&[u8]>) -> f
 //
 // ssim = (2 μa μb + C1) (2 σab + C2) / ((μa² + μb² + C1) (σa² + σb² + C2))
 //
-// Moments are taken under an 11x11 Gaussian window of deviation 1.5 px, zeros outside the picture; values are in [0, 1].
+// Moments are taken under an 11x11 Gaussian window of deviation 1.5 px, zeros outside the picture;
+// values are in [0, 1].
 
 /// Taps of the window along each axis.
 pub const TAPS: usize = 11;

@@ -7,8 +7,8 @@ use glam::Vec3;
 /// Points in a leaf.
 const LEAF: usize = 8;
 
-/// The mean distance of every point to its three nearest neighbours, in the points' order. With fewer than
-/// four points the mean is over all others; a lone point gets 0.
+/// The mean distance of every point to its three nearest neighbours, in the points' order. With
+/// fewer than four points the mean is over all others; a lone point gets 0.
 pub fn mean_distances(points: &[Vec3]) -> Vec<f32> {
     nearest::<3, _>(points, |_, found| match found.len() {
         0 => 0.0,
@@ -16,7 +16,8 @@ pub fn mean_distances(points: &[Vec3]) -> Vec<f32> {
     })
 }
 
-/// Calls `each` with every point and its up to `N` nearest neighbours: squared distance and index, nearest first.
+/// Calls `each` with every point and its up to `N` nearest neighbours: squared distance and index,
+/// nearest first.
 pub fn nearest<const N: usize, T: Send>(
     points: &[Vec3],
     each: impl Fn(usize, &[(f32, u32)]) -> T + Sync,
@@ -33,7 +34,8 @@ pub fn nearest<const N: usize, T: Send>(
     })
 }
 
-/// A node is a run of `order`: its middle entry splits the rest along the axis stored at the same place.
+/// A node is a run of `order`: its middle entry splits the rest along the axis stored at the same
+/// place.
 #[derive(Clone, Copy)]
 struct KdTree<'a> {
     points: &'a [Vec3],

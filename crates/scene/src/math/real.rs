@@ -1,7 +1,8 @@
 //! The scalar and the vectors the kernels are written for.
 //!
-//! One source serves f32 (production, per splat), lanes (production, per pixel), f64 (reference) and
-//! dual numbers (exact derivatives, in the tests). Kernels have no branches, only [`Real::select`].
+//! One source serves f32 (production, per splat), lanes (production, per pixel), f64 (reference)
+//! and dual numbers (exact derivatives, in the tests). Kernels have no branches, only
+//! [`Real::select`].
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -118,7 +119,7 @@ macro_rules! impl_real {
 impl_real!(f32);
 impl_real!(f64);
 
-// ---- Vectors of any [`Real`], for the kernels --------------------------------------------------------
+// ---- Vectors of any [`Real`], for the kernels ---------------------------------------------------
 
 /// A point or difference on the screen.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -1,4 +1,5 @@
-//! Processes: CPU seconds and memory from the system's accounting, and programs that end with this one.
+//! Processes: CPU seconds and memory from the system's accounting, and programs that end with this
+//! one.
 
 use std::io;
 use std::process::{Child, ChildStdout, Command, ExitStatus};
@@ -24,20 +25,22 @@ pub fn peak_bytes() -> u64 {
     system::this_process().peak_bytes
 }
 
-/// Returns memory to the system that was freed but that its allocator keeps, where it does: glibc keeps what each thread of a decoder took.
+/// Returns memory to the system that was freed but that its allocator keeps, where it does: glibc
+/// keeps what each thread of a decoder took.
 pub fn release_freed() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     system::release_freed();
 }
 
-/// True when this process was started to ignore the signal of this number, as `nohup` does for SIGHUP.
+/// True when this process was started to ignore the signal of this number, as `nohup` does for
+/// SIGHUP.
 #[cfg(unix)]
 pub fn ignores(signal: i32) -> bool {
     system::ignores(signal)
 }
 
-/// The usage of `child`, which has ended and was waited for. Unix sums the seconds of all children so far and
-/// keeps the largest memory of any, so `child` must have been the only one there.
+/// The usage of `child`, which has ended and was waited for. Unix sums the seconds of all children
+/// so far and keeps the largest memory of any, so `child` must have been the only one there.
 pub fn of_only_child(child: &Child) -> ProcessUsage {
     system::ended_child(child)
 }
@@ -64,7 +67,8 @@ mod system {
 
     pub(super) fn ignores(signal: i32) -> bool {
         let mut action = std::mem::MaybeUninit::<libc::sigaction>::zeroed();
-        // SAFETY: without a new action the call only fills in the current one, which lives through it; zeros are a valid one.
+        // SAFETY: without a new action the call only fills in the current one, which lives through
+        // it; zeros are a valid one.
         #[allow(unsafe_code, reason = "the system's interface")]
         unsafe {
             libc::sigaction(signal, std::ptr::null(), action.as_mut_ptr()) == 0
@@ -93,7 +97,8 @@ mod system {
     }
 }
 
-/// `GetProcessTimes` and `K32GetProcessMemoryInfo`, which answer for ended processes too while their handle is open.
+/// `GetProcessTimes` and `K32GetProcessMemoryInfo`, which answer for ended processes too while
+/// their handle is open.
 #[cfg(windows)]
 #[allow(unsafe_code, reason = "the system's interface")]
 mod system {
@@ -107,7 +112,8 @@ mod system {
     use windows_sys::Win32::System::Threading::{GetCurrentProcess, GetProcessTimes};
 
     pub(super) fn this_process() -> ProcessUsage {
-        // SAFETY: takes nothing and returns a constant that stands for this process and need not be closed.
+        // SAFETY: takes nothing and returns a constant that stands for this process and need not be
+        // closed.
         usage(unsafe { GetCurrentProcess() })
     }
 
@@ -118,7 +124,8 @@ mod system {
     fn usage(process: HANDLE) -> ProcessUsage {
         let mut times = [FILETIME::default(); 4];
         let [created, ended, kernel, user] = &mut times;
-        // SAFETY: the four pointers are to values that live through the call; a handle that is not one makes it fail.
+        // SAFETY: the four pointers are to values that live through the call; a handle that is not
+        // one makes it fail.
         let timed = unsafe { GetProcessTimes(process, created, ended, kernel, user) } != 0;
         let size = size_of::<PROCESS_MEMORY_COUNTERS>() as u32;
         let mut memory = PROCESS_MEMORY_COUNTERS { cb: size, ..Default::default() };
@@ -151,7 +158,7 @@ mod system {
     }
 }
 
-// ---- Programs that this process starts, and ends when it ends itself ----
+// ---- Programs that this process starts, and ends when it ends itself ----------------------------
 
 const TICK: Duration = Duration::from_millis(20);
 
@@ -178,9 +185,12 @@ pub struct Running {
 }
 
 impl Running {
-    /// Starts `command` in a group of its own: Ctrl-C in the terminal reaches only this process, which ends the program.
+    /// Starts `command` in a group of its own: Ctrl-C in the terminal reaches only this process,
+    /// which ends the program.
     ///
-    /// Errors: those of the operating system, for example a missing program.
+    /// # Errors
+    ///
+    /// Those of the operating system, for example a missing program.
     pub fn start(command: &mut Command) -> io::Result<Self> {
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(command, 0);

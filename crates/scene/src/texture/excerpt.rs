@@ -1,7 +1,8 @@
 //! The parts of pages that faces show, on a page of their own: for a tile, or what a crop left.
 //!
-//! Rectangles around faces are copied, with free texels around them. They begin at even texels, so that the next mip level stays as clean as
-//! it was. Rectangles of faces that belong together, such as those of a chart, become one where that has fewer texels.
+//! Rectangles around faces are copied, with free texels around them. They begin at even texels, so
+//! that the next mip level stays as clean as it was. Rectangles of faces that belong together, such
+//! as those of a chart, become one where that has fewer texels.
 
 use super::{FaceTexture, Texture};
 use crate::image::RgbImage;
@@ -52,8 +53,9 @@ impl Rectangle {
 }
 
 impl FaceTexture {
-    /// The texture of the same faces from pages with half of the texels along each side, `halvings` times, with only what the faces show. It
-    /// has one page of at most `most` by `most` texels. Unchanged where that saves little, or does not fit.
+    /// The texture of the same faces from pages with half of the texels along each side, `halvings`
+    /// times, with only what the faces show. It has one page of at most `most` by `most` texels.
+    /// Unchanged where that saves little, or does not fit.
     pub fn excerpt(&self, halvings: usize, most: u32) -> FaceTexture {
         let pages: Vec<&RgbImage> = self.pages.iter().map(|page| page.level(halvings)).collect();
         let (rectangles, of_face) = self.rectangles(&pages);
@@ -125,7 +127,8 @@ impl FaceTexture {
     }
 }
 
-/// The rectangle around all faces of each face's chart, or its own if those of all faces have fewer texels. `[F]`
+/// The rectangle around all faces of each face's chart, or its own if those of all faces have fewer
+/// texels. `[F]`
 fn charts(chart_of: &[u32], own: &[Rectangle]) -> Vec<Rectangle> {
     let mut around: Vec<Option<(Rectangle, u64)>> = vec![None; own.len()];
     for (chart, one) in chart_of.iter().zip(own) {
@@ -187,8 +190,9 @@ fn squares(one: &Rectangle) -> Vec<(u16, u32, u32)> {
     all.take(MOST_SQUARES as usize).collect()
 }
 
-/// The size of a page of at most `most` by `most` texels that holds rectangles of these `sizes`, and where each begins: on shelves, high
-/// ones first, those of one height in the order that they had.
+/// The size of a page of at most `most` by `most` texels that holds rectangles of these `sizes`,
+/// and where each begins: on shelves, high ones first, those of one height in the order that they
+/// had.
 pub fn packed(sizes: &[UVec2], most: u32) -> Option<(UVec2, Vec<UVec2>)> {
     let mut order: Vec<usize> = (0..sizes.len()).collect();
     order.sort_by_key(|i| u32::MAX - sizes[*i].y);

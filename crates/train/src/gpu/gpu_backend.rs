@@ -26,9 +26,9 @@ const STORAGE_BUFFERS: u32 = 14;
 
 /// A training scene on a graphics card.
 ///
-/// Steps are recorded without waiting for earlier ones; their figures are read some steps later. A step that
-/// does not fit its buffers changes nothing, nor do the steps after it: all are repeated in order with larger
-/// buffers.
+/// Steps are recorded without waiting for earlier ones; their figures are read some steps later. A
+/// step that does not fit its buffers changes nothing, nor do the steps after it: all are repeated
+/// in order with larger buffers.
 #[derive(Debug)]
 pub struct GpuBackend {
     gpu: Gpu,
@@ -62,7 +62,9 @@ pub struct GpuBackend {
 impl GpuBackend {
     /// A backend without a scene, on an open card; draws with `options`, within `limits`.
     ///
-    /// Errors: the card or its driver cannot run the passes, or computes something wrong.
+    /// # Errors
+    ///
+    /// The card or its driver cannot run the passes, or computes something wrong.
     pub fn new(gpu: Gpu, options: SoftOptions, limits: GpuLimits) -> Result<Self> {
         let most = gpu.device.limits().max_storage_buffers_per_shader_stage;
         if most < STORAGE_BUFFERS {
@@ -100,7 +102,8 @@ impl GpuBackend {
         })
     }
 
-    /// Forgets the scene, its visibility and its photos; draws with `options` from now on, within `limits`.
+    /// Forgets the scene, its visibility and its photos; draws with `options` from now on, within
+    /// `limits`.
     pub fn restart(&mut self, options: SoftOptions, limits: GpuLimits) {
         self.scene = None;
         self.visibility = None;
@@ -239,8 +242,8 @@ impl GpuBackend {
         self.buffers.as_ref().ok_or_else(|| Error::Gpu("a step without buffers".into()))
     }
 
-    /// Takes the figures of the oldest step under way if it has finished, or with `wait` when it finishes;
-    /// true when there was one. A step that did not fit is under way again.
+    /// Takes the figures of the oldest step under way if it has finished, or with `wait` when it
+    /// finishes; true when there was one. A step that did not fit is under way again.
     fn settle(&mut self, wait: bool) -> Result<bool> {
         let Some(pending) = self.pending_steps.front_mut() else { return Ok(false) };
         let counts = pending.readback.take::<u32>(&self.gpu, wait);
@@ -273,7 +276,8 @@ impl GpuBackend {
         self.failure.as_ref().map_or(Ok(()), |why| Err(Error::Gpu(why.clone())))
     }
 
-    /// Keeps the error of a begun step or a failed upload: the state on the card is useless from then on.
+    /// Keeps the error of a begun step or a failed upload: the state on the card is useless from
+    /// then on.
     fn failed<T>(&mut self, outcome: Result<T>) -> Result<T> {
         if let Err(error) = &outcome {
             let why = match error {
@@ -408,7 +412,8 @@ impl TrainBackend for GpuBackend {
     }
 }
 
-/// What `make` makes on the card, without its photos if there is no room: they are there only to save time.
+/// What `make` makes on the card, without its photos if there is no room: they are there only to
+/// save time.
 fn with_room<T>(gpu: &Gpu, photos: &mut Photos, make: impl Fn(&Gpu) -> Result<T>) -> Result<T> {
     match make(gpu) {
         Err(Error::Gpu(_)) if photos.give_up() => {

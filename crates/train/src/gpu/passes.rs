@@ -17,7 +17,8 @@ use trisplat_scene::math::wgsl::constant;
 
 macro_rules! passes {
     ($($(#[$doc:meta])* $field:ident: $pass:expr,)*) => {
-        /// A kernel for every file of the folder `passes` that is an entry point, but those over tiles.
+        /// A kernel for every file of the folder `passes` that is an entry point, but those over
+        /// tiles.
         #[derive(Debug)]
         pub(super) struct Passes {
             $($(#[$doc])* pub(super) $field: Kernel,)*
@@ -125,10 +126,12 @@ impl Variants {
 const BATCH: u32 = 64;
 /// Layers that a pixel takes at a time with its own order.
 const NEAREST: u32 = 8;
-/// Splats of a tile whose gradients are summed at once, and how many of their blocks of 4 x 4 pixels at most.
+/// Splats of a tile whose gradients are summed at once, and how many of their blocks of 4 x 4
+/// pixels at most.
 const PAIRS_AT_ONCE: u32 = 32;
 const PAIR_BLOCKS: u32 = 128;
-// A bucket begins with a batch; an invocation loads an eighth of a pair; the blocks of one pair fit; a sort's totals have a digit each.
+// A bucket begins with a batch; an invocation loads an eighth of a pair; the blocks of one pair
+// fit; a sort's totals have a digit each.
 const _: () = assert!(
     BUCKET.is_multiple_of(BATCH)
         && 8 * PAIRS_AT_ONCE == GROUP

@@ -21,7 +21,9 @@ pub struct CardScene {
 impl CardScene {
     /// Moves `soup`, in training space, to an open card.
     ///
-    /// Errors: the card or its driver cannot run the passes, or lacks memory.
+    /// # Errors
+    ///
+    /// The card or its driver cannot run the passes, or lacks memory.
     pub fn new(gpu: Gpu, soup: &Soup) -> Result<Self> {
         let limits = GpuLimits::of(&gpu);
         Self::with_limits(gpu, soup, limits)
@@ -42,10 +44,13 @@ impl CardScene {
         self.backend.gpu()
     }
 
-    /// The view of `camera`, as [`SoftRasterizer::render`](trisplat_raster::soft::SoftRasterizer::render) draws it: colour and
-    /// transmittance.
+    /// The view of `camera`, as
+    /// [`SoftRasterizer::render`](trisplat_raster::soft::SoftRasterizer::render) draws it: colour
+    /// and transmittance.
     ///
-    /// Errors: the card is lost, or lacks memory.
+    /// # Errors
+    ///
+    /// The card is lost, or lacks memory.
     pub fn frame(&mut self, camera: &Camera, options: &SoftOptions) -> Result<Frame> {
         self.backend.draw(camera, options, &self.look)
     }

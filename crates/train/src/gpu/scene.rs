@@ -15,7 +15,8 @@ use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Error, Result};
 use wgpu::{BindingResource, Buffer, BufferBinding, BufferUsages};
 
-/// Numbers of [`VisibilityBuffer`] per triangle: largest weight, largest radius, photos, error (low and high half), sum of weights.
+/// Numbers of [`VisibilityBuffer`] per triangle: largest weight, largest radius, photos, error (low
+/// and high half), sum of weights.
 pub(super) const VISIBILITY_NUMBERS: usize = 7;
 
 /// The scene, in chunks that fit a binding.
@@ -23,7 +24,8 @@ pub(super) const VISIBILITY_NUMBERS: usize = 7;
 pub(super) struct SceneBuffers {
     pub(super) chunks: Vec<ChunkBuffers>,
     pub(super) shape: SceneShape,
-    /// For each chunk, the parameters for counting and for writing: twins of `Chunk` in `passes/step.wgsl`.
+    /// For each chunk, the parameters for counting and for writing: twins of `Chunk` in
+    /// `passes/step.wgsl`.
     parts: Buffer,
     stride: u64,
 }

@@ -24,8 +24,8 @@ pub(super) enum Spread {
     Found(Groups),
 }
 
-/// Bind groups of earlier steps, by pass and buffers, because making them takes longer than recording a step.
-/// They keep their buffers alive.
+/// Bind groups of earlier steps, by pass and buffers, because making them takes longer than
+/// recording a step. They keep their buffers alive.
 #[derive(Debug, Default)]
 pub(super) struct BindGroups(HashMap<Bound, BindGroup>);
 
@@ -131,8 +131,8 @@ impl Ordering<'_> {
         to.run(&passes.scan_apply, blocks, &bindings);
     }
 
-    /// A stable sort by the lowest `digits` of the keys; after an even number of them the result is in the first
-    /// buffers.
+    /// A stable sort by the lowest `digits` of the keys; after an even number of them the result is
+    /// in the first buffers.
     pub(super) fn sort(&self, to: &mut Sequence<'_>, sort: &Sort<'_>, digits: u32) {
         let histogram = self.histogram;
         let totals = self.block_sums;
@@ -195,8 +195,8 @@ pub(super) const fn digit(length: Count, shift: u32) -> Job {
     [0, length as u32, shift, (shift == 0) as u32]
 }
 
-/// Sums the first `numbers` values of all partial sums, whose number is a count, into the counts from `place`
-/// on.
+/// Sums the first `numbers` values of all partial sums, whose number is a count, into the counts
+/// from `place` on.
 pub(super) const fn sum(place: Count, length: Count, numbers: u32) -> Job {
     [place as u32, length as u32, numbers, 0]
 }
@@ -288,7 +288,11 @@ impl Numbers {
     }
 }
 
-/// Runs the test. Errors: the card computes something else, with the way around; memory.
+/// Runs the test.
+///
+/// # Errors
+///
+/// The card computes something else, with the way around; memory.
 pub(super) fn self_test(gpu: &Gpu, passes: &Passes, jobs: &Jobs) -> Result<()> {
     let numbers = Numbers::new();
     let found = computed(gpu, passes, jobs, &numbers)?;

@@ -8,7 +8,8 @@ use trisplat_raster::soft::tile_count;
 use trisplat_scene::Result;
 use wgpu::{Buffer, DeviceType};
 
-/// Bindings that hold the slots of pairs, by far the largest of a step's buffers; the twin of `slot_part` in `passes/slot_part.wgsl`.
+/// Bindings that hold the slots of pairs, by far the largest of a step's buffers; the twin of
+/// `slot_part` in `passes/slot_part.wgsl`.
 pub(super) const SLOT_PARTS: u32 = 4;
 
 /// The capacity of all buffers.
@@ -33,7 +34,8 @@ pub(super) struct StepCapacity {
 }
 
 impl StepCapacity {
-    /// The needs of a plain step of `triangles`, for a photo of this size, with `spare` more splats than a 64th of the triangles.
+    /// The needs of a plain step of `triangles`, for a photo of this size, with `spare` more splats
+    /// than a 64th of the triangles.
     pub(super) fn new(triangles: u32, spare: u32, photo: UVec2) -> Self {
         Self {
             triangles,
@@ -211,7 +213,9 @@ pub(super) struct StepBuffers<B = Buffer> {
 impl StepBuffers {
     /// Makes the buffers.
     ///
-    /// Errors: more than the card has, or binds at once.
+    /// # Errors
+    ///
+    /// More than the card has, or binds at once.
     pub(super) fn new(gpu: &Gpu, size: StepCapacity) -> Result<Self> {
         let buffers = size.buffers(|what, bytes| storage(gpu, what, bytes, REMEDY))?;
         let most = [size.splats, size.pairs, size.layers, 0];
@@ -233,8 +237,8 @@ pub struct GpuLimits {
     pub pairs_each: u32,
     /// Least first capacity for pairs.
     pub pairs_least: u32,
-    /// First capacity for triangles through the near plane, which are two splats each; a 64th of all
-    /// triangles is added.
+    /// First capacity for triangles through the near plane, which are two splats each; a 64th of
+    /// all triangles is added.
     pub spare_splats: u32,
 }
 
@@ -242,12 +246,12 @@ pub struct GpuLimits {
 const PHOTO_BYTES: (u64, u64) = (2 << 30, 512 << 20);
 
 impl GpuLimits {
-    /// Scenes of small triangles need fewer, because not all are in view; scenes of large triangles are
-    /// small, and their buffers grow.
+    /// Scenes of small triangles need fewer, because not all are in view; scenes of large triangles
+    /// are small, and their buffers grow.
     pub(super) const PAIRS_EACH: u32 = 2;
 
-    /// The limits for a card. No graphics API tells the memory of a card, so photos get an amount that every
-    /// card of its kind can spare. When memory runs out, they are dropped first.
+    /// The limits for a card. No graphics API tells the memory of a card, so photos get an amount
+    /// that every card of its kind can spare. When memory runs out, they are dropped first.
     pub fn of(gpu: &Gpu) -> Self {
         let limits = gpu.device.limits();
         Self {

@@ -27,7 +27,9 @@ const SOFT_WIDTH: f32 = 480.0;
 
 /// Opens a window and returns when it is closed.
 ///
-/// Errors: no display, no graphics card, the scene cannot be loaded, the device is lost.
+/// # Errors
+///
+/// No display, no graphics card, the scene cannot be loaded, the device is lost.
 pub fn open(options: WindowOptions, files: SceneFiles, loader: SceneLoader) -> Result<()> {
     let remedy = options.remedy;
     let no_window = |e: &EventLoopError| {
@@ -176,8 +178,8 @@ impl App {
         events.exit();
     }
 
-    /// Shows the loaded scene. A failed first scene is an error; a failed dropped file keeps the present
-    /// scene.
+    /// Shows the loaded scene. A failed first scene is an error; a failed dropped file keeps the
+    /// present scene.
     fn loaded(&mut self, events: &ActiveEventLoop, scene: u32, result: Result<Box<ShownScene>>) {
         let Some((screen, session)) = &mut self.window else { return };
         session.loading = None;

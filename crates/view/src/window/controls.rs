@@ -16,7 +16,8 @@ const LEVEL_DRAG: f32 = 0.06;
 /// Vertical field of view when no photo's camera is used, rad.
 const FIELD_OF_VIEW: f32 = 0.9;
 
-/// Largest distance of a view, as a share of the distance to the walls or shell that close the scene.
+/// Largest distance of a view, as a share of the distance to the walls or shell that close the
+/// scene.
 const ROOM: f32 = 0.9;
 /// The sine of half the angle of the widest lens.
 const MOST_SINE: f32 = 0.85;
@@ -70,8 +71,8 @@ impl CameraControls {
         self.position = target - self.forward() * self.pivot_distance;
     }
 
-    /// Moves back along the view until a ball is visible. If the scene is closed, it stays within `room` of
-    /// the ball's middle and widens the lens instead.
+    /// Moves back along the view until a ball is visible. If the scene is closed, it stays within
+    /// `room` of the ball's middle and widens the lens instead.
     pub(super) fn frame_ball(&mut self, target: Vec3, radius: f32, room: f32) {
         self.frame(&[target - radius / 3f32.sqrt(), target + radius / 3f32.sqrt()]);
         let room = ROOM * room;
@@ -155,7 +156,8 @@ impl CameraControls {
         self.range = viewpoint.orbit.map(|orbit| (*viewpoint, orbit));
     }
 
-    /// A drag, shortened so that an orbit by it stays where photos looked, or goes no farther if it is beyond.
+    /// A drag, shortened so that an orbit by it stays where photos looked, or goes no farther if it
+    /// is beyond.
     fn within_range(&self, drag: Vec2) -> Vec2 {
         let Some((viewpoint, orbit)) = self.range else { return drag };
         let Some(angles) = viewpoint.direction(-self.forward().as_dvec3()) else { return drag };
@@ -181,7 +183,8 @@ impl CameraControls {
         self.position = pivot - self.forward() * self.pivot_distance;
     }
 
-    /// Turns in place by a drag, in heights of the window. A tilted horizon comes level during the drag.
+    /// Turns in place by a drag, in heights of the window. A tilted horizon comes level during the
+    /// drag.
     pub(super) fn turn(&mut self, drag: Vec2) {
         let forward = self.forward();
         let level = forward.cross(self.up).try_normalize().unwrap_or(self.right());

@@ -22,7 +22,8 @@ pub(super) enum CropClick {
 }
 
 impl CropEditor {
-    /// Switched off; a box around `bounds`, which are in the frame of the window. `to_file` leads to that of the file.
+    /// Switched off; a box around `bounds`, which are in the frame of the window. `to_file` leads
+    /// to that of the file.
     pub(super) fn around(bounds: &[Vec3; 2], to_file: impl Fn(Vec3) -> DVec3) -> Self {
         let corner = |i: usize| {
             let pick = |axis: usize| bounds[i >> axis & 1][axis];

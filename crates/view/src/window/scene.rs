@@ -60,8 +60,8 @@ pub struct SceneFiles {
 }
 
 impl SceneFiles {
-    /// The files to open when `path` is dropped on the window: a folder or a `.json` is a data set of the
-    /// same scene, any other file is another scene.
+    /// The files to open when `path` is dropped on the window: a folder or a `.json` is a data set
+    /// of the same scene, any other file is another scene.
     pub fn with_dropped(&self, path: &Path) -> Self {
         let is_dataset =
             path.is_dir() || path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
@@ -92,13 +92,16 @@ pub struct WindowPhoto {
 /// The soup behind an asset.
 #[derive(Clone)]
 pub struct SoupSource {
-    /// Draws it with the soft rasteriser for a camera in the frame of the asset; called on a thread of its own.
+    /// Draws it with the soft rasteriser for a camera in the frame of the asset; called on a thread
+    /// of its own.
     pub renderer: SoftRenderer,
-    /// Pause after a picture, as a multiple of its duration: more than 0 if other work needs the CPU.
+    /// Pause after a picture, as a multiple of its duration: more than 0 if other work needs the
+    /// CPU.
     pub rest: f64,
 }
 
-/// Saves a region of a file for the bake; returns a note for the user. Called on a thread of its own.
+/// Saves a region of a file for the bake; returns a note for the user. Called on a thread of its
+/// own.
 pub(super) type CropSaver = Arc<dyn Fn(&Region) -> Result<String> + Send + Sync>;
 
 /// Draws what a camera sees.
@@ -110,8 +113,8 @@ pub struct SceneLoader {
     /// Makes the scene of some files and reports its progress; called on a thread of its own.
     #[allow(clippy::type_complexity, reason = "it is called once, here")]
     pub load: Arc<dyn Fn(&SceneFiles, &dyn Fn(&str)) -> Result<WindowScene> + Send + Sync>,
-    /// Waits for the next change of the first scene; `None` for a static one. Called repeatedly on a thread
-    /// of its own, until the scene has ended.
+    /// Waits for the next change of the first scene; `None` for a static one. Called repeatedly on
+    /// a thread of its own, until the scene has ended.
     pub follow: Option<SceneFollower>,
 }
 
@@ -128,7 +131,7 @@ pub enum SceneChange {
     Gone,
 }
 
-// ---- Work on other threads than the window's, and their messages -------------------------------------
+// ---- Work on other threads than the window's, and their messages --------------------------------
 
 /// A message from a thread to the window.
 pub(super) enum Message {
@@ -138,7 +141,8 @@ pub(super) enum Message {
     ImportedScene(Result<Box<ShownScene>>),
     /// The first scene has changed; the new state is in GPU memory.
     Changed(Result<Box<ShownScene>>),
-    /// The scene will not change any more, with a final note; `None`: there is nothing more to show.
+    /// The scene will not change any more, with a final note; `None`: there is nothing more to
+    /// show.
     Final(Option<String>),
     /// A photo is decoded.
     Photo(usize, Result<RgbImage>),
@@ -161,7 +165,8 @@ pub(super) struct ShownScene {
     pub(super) model: Arc<Model>,
     /// The box of most of it, without outliers.
     pub(super) bounds: [Vec3; 2],
-    /// The first viewpoint, if the file has one, and the distance from its target at which the scene is closed.
+    /// The first viewpoint, if the file has one, and the distance from its target at which the
+    /// scene is closed.
     pub(super) viewpoint: Option<(Viewpoint, f32)>,
     pub(super) crop: CropEditor,
 }
@@ -279,7 +284,8 @@ pub(super) fn cropped(
     Model::upload(gpu, groups, &Asset::from(mesh))
 }
 
-/// The box that holds the middle 96% of the scene's corners on each axis, without the backdrop, estimated from a sample of them.
+/// The box that holds the middle 96% of the scene's corners on each axis, without the backdrop,
+/// estimated from a sample of them.
 fn central_box(asset: &Asset) -> [Vec3; 2] {
     let faces = asset.scene_faces();
     let step = (faces / 33_333).max(1);

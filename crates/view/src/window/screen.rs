@@ -27,7 +27,11 @@ pub(super) struct Screen {
 }
 
 impl Screen {
-    /// Opens a window. Errors: no window, or no card that can draw in it.
+    /// Opens a window.
+    ///
+    /// # Errors
+    ///
+    /// No window, or no card that can draw in it.
     pub(super) fn open(
         events: &ActiveEventLoop,
         options: &WindowOptions,

@@ -286,8 +286,8 @@ pub(super) struct Meter {
 }
 
 impl Meter {
-    /// Call this for each picture; `moving` if it follows the last one without pause. Returns the seconds
-    /// since the last.
+    /// Call this for each picture; `moving` if it follows the last one without pause. Returns the
+    /// seconds since the last.
     pub(super) fn tick(&mut self, moving: bool) -> f64 {
         let now = Instant::now();
         let secs = self.last.replace(now).map_or(0.0, |last| (now - last).as_secs_f64());

@@ -3,10 +3,11 @@
 
 use crate::math::real::Real;
 
-// ---- Minimax polynomials (Remez) of the two transcendental functions the window needs ----------------
+// ---- Minimax polynomials (Remez) of the two transcendental functions the window needs -----------
 
-/// log2(1 + t) / t on [sqrt(1/2) - 1, sqrt(2) - 1], relative error 1.7e-7 before rounding; lowest first.
-/// The factor t keeps the *relative* error small near 1, where a window with a large exponent needs it.
+/// log2(1 + t) / t on [sqrt(1/2) - 1, sqrt(2) - 1], relative error 1.7e-7 before rounding; lowest
+/// first. The factor t keeps the *relative* error small near 1, where a window with a large
+/// exponent needs it.
 pub(in crate::math) const LOG2: [f32; 8] = [
     1.442_694_962,
     -0.721_352_788_1,
@@ -32,7 +33,7 @@ pub(in crate::math) const EXP2: [f32; 6] = [
 /// [sqrt(1/2), sqrt(2)) in the top nine bits.
 pub(in crate::math) const SQRT_HALF_BITS: i32 = 0x3f35_04f3;
 
-// ---- The operations of SIMD values, and work that uses them ------------------------------------------
+// ---- The operations of SIMD values, and work that uses them -------------------------------------
 
 /// Lanes in a [`Lanes`] value.
 pub const LANES: usize = 16;
@@ -45,7 +46,8 @@ pub trait Lanes: Real {
     fn load(from: &[f32; LANES]) -> Self;
     /// Writes the sixteen numbers.
     fn store(self, to: &mut [f32; LANES]);
-    /// Writes the sixteen numbers rounded to the nearest integers, ties to even; anything beyond ±2^31.
+    /// Writes the sixteen numbers rounded to the nearest integers, ties to even; anything beyond
+    /// ±2^31.
     fn store_rounded(self, to: &mut [i32; LANES]);
     /// One bit per lane of a mask, lane 0 lowest.
     fn bits(mask: Self::Mask) -> u16;
@@ -76,8 +78,9 @@ pub trait Lanes: Real {
     }
 }
 
-/// Work that runs on any [`Lanes`]. `run` and all it calls must be `#[inline(always)]` to be compiled for
-/// each CPU level; closures and `[T; N]::map` over lanes may not be inlined, which takes ten times as long.
+/// Work that runs on any [`Lanes`]. `run` and all it calls must be `#[inline(always)]` to be
+/// compiled for each CPU level; closures and `[T; N]::map` over lanes may not be inlined, which
+/// takes ten times as long.
 pub trait Work {
     /// Its result.
     type Output;

@@ -53,7 +53,8 @@ pub(super) fn run_avx2<W: Work>(work: W) -> W::Output {
 }
 
 // SAFETY of every block below: the two types are private to this module and are named only in
-// `run_avx512` and `run_avx2`, so no value and no operation of theirs exists on a CPU without the features.
+// `run_avx512` and `run_avx2`, so no value and no operation of theirs exists on a CPU without the
+// features.
 
 #[derive(Clone, Copy)]
 struct Avx512(__m512);
