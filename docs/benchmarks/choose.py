@@ -21,7 +21,7 @@ from pathlib import Path
 
 KINDS = "SIMPLE_PINHOLE PINHOLE SIMPLE_RADIAL RADIAL OPENCV OPENCV_FISHEYE FULL_OPENCV FOV SIMPLE_RADIAL_FISHEYE RADIAL_FISHEYE".split()
 LENGTHS = [3, 4, 4, 5, 8, 8, 12, 5, 4, 5]
-MOST_JUDGES = 24
+MAX_JUDGES = 24
 MEASURES = {
     "dB": lambda step: step["mean"]["psnr"],
     "SSIM": lambda step: step["mean"]["ssim"],
@@ -113,7 +113,7 @@ def parts(folder, data):
             train = evenly(among, count)
             rest = [image for image in among if image not in train]
             made.append(write(folder / f"{data.name}-{way}{count}", data, cameras, points, train,
-                              evenly(rest, min(MOST_JUDGES, len(rest)))))
+                              evenly(rest, min(MAX_JUDGES, len(rest)))))
     return made
 
 

@@ -11,7 +11,7 @@ use trisplat_formats::{ReadOptions, unzipped_sog};
 use trisplat_scene::report::counted;
 use trisplat_scene::{Error, Placement, Result};
 
-/// Most cameras of a data set listed one by one; others are only counted.
+/// Maximum number of cameras of a data set listed one by one; others are only counted.
 const LISTED: usize = 5;
 
 /// What to describe.

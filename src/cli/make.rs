@@ -29,7 +29,7 @@ const GOOD_PSNR: [(usize, f64); 3] = [(60, 28.0), (30, 25.0), (0, 22.0)];
 /// wrong.
 const FAR_BELOW: f64 = 5.0;
 /// More time that gained less, dB, is not advised again.
-const LEAST_GAIN: f64 = 0.3;
+const MIN_GAIN: f64 = 0.3;
 /// A training that spent this share of its budget would have used more.
 const USED_UP: f64 = 0.8;
 /// How many of the photos that came out worst are named.
@@ -219,7 +219,7 @@ fn verdict(details: &TrainDetails, done: &MakeDone, args: &MakeArgs) -> Vec<Stri
             "far below the others: {named}: blurred, moved, with a wrong pose, or seen by no other photo"
         ));
     }
-    let helps = done.earlier.is_none_or(|earlier| psnr >= earlier + LEAST_GAIN);
+    let helps = done.earlier.is_none_or(|earlier| psnr >= earlier + MIN_GAIN);
     if half < good(done.trained_on) {
         lines.extend(next(details, &photos, helps, args.steps, args.budget));
     }

@@ -21,9 +21,9 @@ const BAR: &str = "{spinner} {prefix:<10} {bar:30} {percent:>3}%  {msg}";
 /// Resolution of a bar.
 const PARTS: u64 = 1000;
 /// The time left is shown after this share of a stage, and ...
-const LEAST_FRACTION: f64 = 0.02;
+const MIN_FRACTION: f64 = 0.02;
 /// ... after this time.
-const LEAST_TIME: Duration = Duration::from_millis(500);
+const MIN_TIME: Duration = Duration::from_millis(500);
 /// A stage that changed nothing gets a line if it took this long.
 const TRIED_SECS: f64 = 0.1;
 
@@ -195,7 +195,7 @@ fn set_template(bar: &ProgressBar, template: &str) {
 
 /// "12s left" at the present rate; `None` when it is too early to tell.
 fn time_left(elapsed: Duration, fraction: f64) -> Option<String> {
-    let tells = fraction >= LEAST_FRACTION && elapsed >= LEAST_TIME;
+    let tells = fraction >= MIN_FRACTION && elapsed >= MIN_TIME;
     tells.then(|| {
         let seconds = elapsed.as_secs_f64() * (1.0 - fraction.min(1.0)) / fraction;
         format!("{} left", HumanDuration(Duration::from_secs_f64(seconds.ceil())))

@@ -219,8 +219,8 @@ mod short_help_tests {
 
     /// Lines of a screen.
     const SCREEN: usize = 50;
-    /// The most flags of `trisplat bake`, without global flags.
-    const MOST_FLAGS: usize = 30;
+    /// Maximum number of flags of `trisplat bake`, without global flags.
+    const MAX_FLAGS: usize = 30;
 
     fn program() -> Command {
         let mut program = shorten(Cli::command());
@@ -258,6 +258,6 @@ mod short_help_tests {
         let bake = program.find_subcommand("bake").expect("a command");
         let own = bake.get_arguments().filter(|arg| !arg.is_global_set() && arg.get_id() != "help");
         let flags: Vec<&str> = own.filter_map(Arg::get_long).collect();
-        assert!(flags.len() <= MOST_FLAGS, "{} flags: {}", flags.len(), flags.join(" "));
+        assert!(flags.len() <= MAX_FLAGS, "{} flags: {}", flags.len(), flags.join(" "));
     }
 }

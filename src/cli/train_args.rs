@@ -5,7 +5,7 @@ use clap::{ArgMatches, Args, Command};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use trisplat_dataset::DatasetOptions;
-use trisplat_job::{MOST_PICTURES, TEACHER_FILE, TeacherSource};
+use trisplat_job::{MAX_TEACHER_SHARE, TEACHER_FILE, TeacherSource};
 use trisplat_scene::Error;
 use trisplat_train::budget::Seconds;
 use trisplat_train::{BackendOptions, TrainOptions};
@@ -158,8 +158,8 @@ pub struct TrainArgs {
 
 /// A share below 1, which leaves some steps to the photos.
 fn share(text: &str) -> Result<f64, String> {
-    let share = text.parse().ok().filter(|share| (0.0..=MOST_PICTURES).contains(share));
-    share.ok_or_else(|| format!("a number from 0 to {MOST_PICTURES}"))
+    let share = text.parse().ok().filter(|share| (0.0..=MAX_TEACHER_SHARE).contains(share));
+    share.ok_or_else(|| format!("a number from 0 to {MAX_TEACHER_SHARE}"))
 }
 
 /// The longest permitted time, in seconds: thirty years.

@@ -11,7 +11,7 @@ use trisplat_scene::math::metric;
 
 /// Width and height of pictures, px.
 const SIDE: u32 = 144;
-/// Least dB of the ball's pictures: of a bake from chosen places, from listed cameras, and of a
+/// Minimum dB of the ball's pictures: of a bake from chosen places, from listed cameras, and of a
 /// surface, which ends sharply where the ball fades. With corners that move almost three times as
 /// far they have 24.6, 28.9 and 21.4.
 const FLOORS: [f64; 3] = [25.0, 30.5, 22.0];

@@ -11,7 +11,7 @@ use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{Scene, camera::Viewpoint, image::RgbImage, math::metric};
 
 const SIZE: UVec2 = UVec2::new(320, 240);
-/// Least PSNR between pictures of the two renderers, dB: with one sample a pixel, edges of
+/// Minimum PSNR between pictures of the two renderers, dB: with one sample a pixel, edges of
 /// triangles fall on either side of it.
 const AGREE_DB: f64 = 36.0;
 /// Flags for large triangles, to which a texture adds much.

@@ -176,7 +176,7 @@ const FIGURES: f64 = 1e-6;
 
 /// Triangles, of 300, whose largest weight may be a matter of rounding: 8 measured, long ones that
 /// cut through others.
-const MOST_UNDECIDED: usize = 10;
+const MAX_UNDECIDED: usize = 10;
 
 #[test]
 fn a_step_is_the_cpus() {
@@ -326,7 +326,7 @@ fn same_visibility(
     if !jumped.is_empty() {
         let undecided = undecided();
         assert!(
-            jumped.is_subset(&undecided) && undecided.len() <= MOST_UNDECIDED,
+            jumped.is_subset(&undecided) && undecided.len() <= MAX_UNDECIDED,
             "{}: weights of {jumped:?} differ, those of {undecided:?} may",
             case.name
         );

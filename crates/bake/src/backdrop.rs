@@ -10,7 +10,7 @@
 
 use crate::views::Views;
 pub(super) use sky::{Sky, closed, is_scattered, take_sky};
-use surface::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR, surface};
+use surface::{MAX_SUBDIVISIONS, MIN_COVERED, RADIUS_FACTOR, surface};
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::Result;
 use trisplat_scene::math::color::linear_from_srgb;
@@ -25,7 +25,7 @@ mod surface;
 /// Photos that are searched for holes.
 const VIEWS: usize = 16;
 /// Holes below this share of the photos are not closed.
-const LEAST_HOLES: f64 = 0.001;
+const MIN_HOLES: f64 = 0.001;
 /// The sphere has at most one triangle per this many of the scene, and at least 8 · 4².
 const SCENE_PER_BACKDROP: usize = 20;
 
@@ -112,7 +112,7 @@ pub fn backdrop(
     if !mesh.indices.is_empty() {
         return Ok(Outcome::Skipped("a mesh with shared vertices is left as it is"));
     }
-    if views.covered() < LEAST_COVERED {
+    if views.covered() < MIN_COVERED {
         return Ok(Outcome::Skipped("the scene is an object: there is nothing behind it"));
     }
     let holes = find_holes(mesh, views)?;
@@ -122,10 +122,10 @@ pub fn backdrop(
             "photos show an object without background: there is nothing behind it",
         ));
     }
-    if options.backdrop == BackdropWhen::Auto && holes.counted < LEAST_COVERED {
+    if options.backdrop == BackdropWhen::Auto && holes.counted < MIN_COVERED {
         return Ok(Outcome::Skipped("masks leave an object: there is nothing behind it"));
     }
-    if options.backdrop == BackdropWhen::Auto && holes.share < LEAST_HOLES {
+    if options.backdrop == BackdropWhen::Auto && holes.share < MIN_HOLES {
         return Ok(Outcome::Skipped("triangles cover the photos"));
     }
     let Some(subdivisions) = subdivisions(mesh.face_count(), budget) else {
@@ -204,7 +204,7 @@ fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
 /// it.
 fn subdivisions(faces: usize, budget: Option<u64>) -> Option<u32> {
     let fits = |l: &u32| face_count(*l) as usize * SCENE_PER_BACKDROP <= faces;
-    let most = (3..=MOST_SUBDIVISIONS).rev().find(fits).unwrap_or(2);
+    let most = (3..=MAX_SUBDIVISIONS).rev().find(fits).unwrap_or(2);
     (1..=most).rev().find(|l| budget.is_none_or(|budget| face_count(*l) <= share_behind(budget)))
 }
 

@@ -8,7 +8,7 @@ pub(super) use cut::cut;
 use trisplat_scene::report::Outcome;
 use trisplat_scene::{Asset, Chunk, Error, Result, parallel};
 
-/// Most faces of a chunk: 65,535 vertices when no corner is shared, the most that 16-bit indices
+/// Maximum number of faces of a chunk: 65,535 vertices when no corner is shared, the most that 16-bit indices
 /// can address (65,535 itself restarts a primitive).
 pub const MAX_CHUNK_TRIANGLES: u32 = 21_845;
 
@@ -16,7 +16,7 @@ pub const MAX_CHUNK_TRIANGLES: u32 = 21_845;
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ChunkOptions {
-    /// Most triangles in a chunk, at most 21845; each chunk is a mesh and node of its own, skipped
+    /// Maximum number of triangles in a chunk, at most 21845; each chunk is a mesh and node of its own, skipped
     /// when out of view (0 = one chunk)
     #[schemars(range(max = 21_845))]
     pub chunk_triangles: u32,

@@ -155,7 +155,7 @@ impl MovedCorners {
 /// About how many kept triangles a neighbourhood holds.
 const PER_CELL: u32 = 24;
 /// Largest factor by which a triangle is enlarged.
-const MOST_ENLARGED: f64 = 2.0;
+const MAX_ENLARGEMENT: f64 = 2.0;
 
 /// All faces, sorted by opacity times area, largest first. Equal ones come in random order, because
 /// the order of the file would clear whole corners of the scene. `[F]`
@@ -185,7 +185,7 @@ pub fn enlarge(mesh: &mut Mesh, kept: &[u32]) {
         let cell = grid.of(*centroid);
         let [all, left] = [&all, &left].map(|sums| sums.get(&cell).copied().unwrap_or(0.0));
         if left > 0.0 {
-            let factor = (all / left).sqrt().clamp(1.0, MOST_ENLARGED) as f32;
+            let factor = (all / left).sqrt().clamp(1.0, MAX_ENLARGEMENT) as f32;
             let enlarged = mesh.corners(f as usize).map(|v| centroid + (v - centroid) * factor);
             if enlarged.iter().all(|v| v.is_finite()) {
                 mesh.positions[3 * f as usize..3 * f as usize + 3].copy_from_slice(&enlarged);

@@ -79,7 +79,7 @@ pub struct LitDetails {
 
 trisplat_scene::stage!(LitDetails, "lit");
 
-/// Most cameras that are asked.
+/// Maximum number of cameras that are asked.
 const CAMERAS: usize = 100;
 /// Longer side of the pictures that show which faces are visible, px.
 const SIDE: u32 = 320;

@@ -14,8 +14,8 @@ use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Outcome, StageProgress};
 use trisplat_scene::{Asset, Error, Result};
 
-/// Most levels beside the scene itself.
-const MOST_LEVELS: usize = 8;
+/// Maximum number of levels beside the scene itself.
+const MAX_LEVELS: usize = 8;
 
 /// Which levels are made.
 #[derive(
@@ -48,11 +48,11 @@ impl LodOptions {
                 "shares between 0 and 1 that fall, as in 0.5,0.25,0.125",
             ));
         }
-        if self.lod.len() > MOST_LEVELS {
+        if self.lod.len() > MAX_LEVELS {
             return Err(Error::invalid(
                 "lod",
                 self.lod.len(),
-                format!("at most {MOST_LEVELS} levels"),
+                format!("at most {MAX_LEVELS} levels"),
             ));
         }
         Ok(())

@@ -11,9 +11,9 @@ use trisplat_scene::mesh::Mesh;
 
 /// Photos looked at.
 const VIEWS: usize = 8;
-/// Least excess of a drawing's correlation with its own photo over that with other photos. A soft
+/// Minimum excess of a drawing's correlation with its own photo over that with other photos. A soft
 /// scene just made solid may be far from its photos and still show the same shapes.
-const LEAST_OWN: f64 = 0.05;
+const MIN_CORRELATION_EXCESS: f64 = 0.05;
 
 /// Describes the fault if drawings of `mesh` match the photos worse than one plain colour does, and
 /// no better than other photos. A `part` of a scene is judged where it is. Fails when a photo
@@ -43,7 +43,7 @@ pub(super) fn misfit(mesh: &Mesh, part: bool, views: &mut Views) -> Result<Optio
         photos.push(photo);
     }
     let [drawn, plain] = [drawn, plain].map(|sum| sum / chosen.len() as f64);
-    Ok((drawn < plain && own_resemblance(&pictures, &photos) < LEAST_OWN).then(|| {
+    Ok((drawn < plain && own_resemblance(&pictures, &photos) < MIN_CORRELATION_EXCESS).then(|| {
         format!(
             "photos that do not seem to show this scene: drawn by their cameras it is farther from them ({drawn:.1} dB) \
              than pictures of one colour are ({plain:.1} dB)"

@@ -34,7 +34,7 @@ use trisplat_scene::{Error, Result};
 /// Pictures that decide whether the fitted triangles are better.
 const EVALUATION_VIEWS: usize = 12;
 /// Largest share of the triangles that one round cuts.
-const MOST_CUT: f64 = 0.2;
+const MAX_CUT_SHARE: f64 = 0.2;
 
 /// When triangles are fitted to pictures.
 #[derive(
@@ -215,7 +215,7 @@ impl Changes {
         faces.recolor(&found);
         self.moved += faces.keep_moves(&found, candidates);
         if effort.cuts(round) {
-            self.cut += faces.cut(&found, most, MOST_CUT);
+            self.cut += faces.cut(&found, most, MAX_CUT_SHARE);
         }
         // Last, because results are stored by index of face.
         self.dropped += faces.drop_harmful(&found);

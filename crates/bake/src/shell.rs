@@ -16,9 +16,9 @@ use trisplat_scene::math::geometry::mean;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{Result, Scene};
 
-/// Most triangles of a shell that was cut: its surroundings are out of focus, so more gain nothing.
-const MOST_CUT: usize = 8192;
-/// Least triangles of the scene for each triangle of a cut shell.
+/// Maximum number of triangles of a shell that was cut: its surroundings are out of focus, so more gain nothing.
+const MAX_CUT_FACES: usize = 8192;
+/// Minimum triangles of the scene for each triangle of a cut shell.
 const SCENE_PER_CUT: usize = 2;
 /// How much farther than the scene a surface of few, large triangles is, because their middles are
 /// nearer than their corners.
@@ -53,7 +53,7 @@ pub(super) fn is_cut(shell: &Mesh, scene_faces: usize, budget: Option<u64>) -> b
     let fits = budget.is_none_or(|most| {
         (scene_faces + count) as u64 <= most && count as u64 <= share_behind(most)
     });
-    count <= MOST_CUT && count * SCENE_PER_CUT <= scene_faces && fits
+    count <= MAX_CUT_FACES && count * SCENE_PER_CUT <= scene_faces && fits
 }
 
 /// Cuts each face of `shell` into four. Each vertex gets the mean colour of the faces that it is

@@ -55,7 +55,7 @@ pub struct SidesDetails {
 
 trisplat_scene::stage!(SidesDetails, "sides");
 
-/// Least share of a triangle's pixels that show one side, for it to be drawn from there only: at
+/// Minimum share of a triangle's pixels that show one side, for it to be drawn from there only: at
 /// the outline of a surface a few pixels show the backs of triangles that lie across it.
 const MIN_SHARE: f64 = 0.9;
 

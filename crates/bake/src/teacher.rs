@@ -24,7 +24,7 @@ use trisplat_scene::{ImportedScene, Result, Scene, Soup};
 use trisplat_teacher::{Teacher, ViewpointKind, Viewpoints};
 
 /// Pixels of all pictures together; with many or large cameras not all are drawn.
-const MOST_PIXELS: u64 = 12_000_000;
+const MAX_PIXELS: u64 = 12_000_000;
 /// Number of pictures from chosen viewpoints: enough for colours, few enough for every bake.
 const CHOSEN_PICTURES: usize = 32;
 /// Pictures that softness is measured on.
@@ -32,7 +32,7 @@ const SOFTNESS_VIEWS: usize = 4;
 /// Their longer side, px.
 const SOFTNESS_PX: u32 = 240;
 /// Pictures with a smaller share of scene are not used.
-const LEAST_COVERED: f64 = 0.001;
+const MIN_COVERED: f64 = 0.001;
 /// A scene is solid when its triangles cover this share of their area.
 const SOLID_COVER: f64 = 0.95;
 
@@ -136,7 +136,7 @@ pub fn teacher(
     details.softness = softness_from(soup, &viewpoints.cameras, solidly)?;
     details.viewpoints = Some(viewpoints.kind);
     let drawn = at_most(options.teacher_pictures, scene, behind, viewpoints.cameras);
-    if drawn.covered() < LEAST_COVERED {
+    if drawn.covered() < MIN_COVERED {
         return Ok(Outcome::Skipped("the scene's cameras see nothing of it"));
     }
     details.pictures = Some(drawn.len() as u64);
@@ -160,7 +160,7 @@ pub(super) fn soft_soup(scene: &Scene) -> std::result::Result<&Soup, &'static st
 
 /// The cameras for a bake's pictures; of chosen viewpoints the most telling ones.
 pub(super) fn viewpoints(scene: &ImportedScene) -> Option<Viewpoints> {
-    let mut viewpoints = Viewpoints::of(scene, 3 * MOST_PIXELS)?;
+    let mut viewpoints = Viewpoints::of(scene, 3 * MAX_PIXELS)?;
     if viewpoints.kind != ViewpointKind::Stored {
         viewpoints.cameras.truncate(CHOSEN_PICTURES);
     }
@@ -251,10 +251,10 @@ fn spread(count: usize) -> impl Iterator<Item = usize> {
 /// An evenly spaced selection of `cameras` when their pictures would be too many.
 fn within_budget(cameras: Vec<Camera>) -> Vec<Camera> {
     let pixels: u64 = cameras.iter().map(|c| u64::from(c.size.x) * u64::from(c.size.y)).sum();
-    if pixels <= MOST_PIXELS {
+    if pixels <= MAX_PIXELS {
         return cameras;
     }
-    let share = MOST_PIXELS as f64 / pixels as f64;
+    let share = MAX_PIXELS as f64 / pixels as f64;
     let count = ((cameras.len() as f64 * share) as usize).max(1);
     evenly_spaced(cameras.len(), count).map(|i| no_larger(&cameras[i])).collect()
 }
@@ -262,10 +262,10 @@ fn within_budget(cameras: Vec<Camera>) -> Vec<Camera> {
 /// The camera, with a smaller picture where one of its own size would alone be too large.
 fn no_larger(camera: &Camera) -> Camera {
     let pixels = u64::from(camera.size.x) * u64::from(camera.size.y);
-    if pixels <= MOST_PIXELS {
+    if pixels <= MAX_PIXELS {
         return *camera;
     }
-    let ratio = (MOST_PIXELS as f64 / pixels as f64).sqrt();
+    let ratio = (MAX_PIXELS as f64 / pixels as f64).sqrt();
     camera.resized((camera.size.as_dvec2() * ratio).floor().as_uvec2().max(UVec2::ONE))
 }
 

@@ -20,8 +20,8 @@ use trisplat_scene::ranges::{self, Called};
 use trisplat_scene::report::Outcome;
 use trisplat_scene::{Asset, Result, Tile};
 
-/// Most levels below the root: 4^12 tiles of the least size exceed 32-bit counts of triangles.
-const MOST_LEVELS: u32 = 12;
+/// Maximum number of levels below the root: 4^12 tiles of the least size exceed 32-bit counts of triangles.
+const MAX_LEVELS: u32 = 12;
 
 /// How the scene is cut into tiles.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -30,7 +30,7 @@ pub struct TilesOptions {
     /// Write 3D Tiles 1.1 that stream: OUT.tileset.json and a folder OUT.tiles of GLB files; -o
     /// OUT.tileset.json implies it
     pub tiles: bool,
-    /// Most triangles in a tile, 1000 or more
+    /// Maximum number of triangles in a tile, 1000 or more
     #[schemars(range(min = 1000, max = 1_000_000_000))]
     pub tile_triangles: u32,
 }
@@ -49,7 +49,7 @@ impl TilesOptions {
     pub fn shares(&self, faces: usize) -> Vec<f64> {
         let most = f64::from(self.tile_triangles);
         let fits = |levels: u32| faces as f64 / 4f64.powi(levels as i32) <= most;
-        let levels = (0..MOST_LEVELS).find(|levels| fits(*levels)).unwrap_or(MOST_LEVELS);
+        let levels = (0..MAX_LEVELS).find(|levels| fits(*levels)).unwrap_or(MAX_LEVELS);
         (1..=levels).map(|level| 0.25f64.powi(level as i32)).collect()
     }
 }
@@ -65,7 +65,7 @@ pub struct TilesDetails {
     pub tiles: u64,
     /// Levels, the root among them.
     pub levels: u64,
-    /// Most triangles in a tile.
+    /// Maximum number of triangles in a tile.
     pub most_triangles: u64,
 }
 

@@ -24,10 +24,10 @@ const FEW_HIDDEN: f64 = 0.05;
 /// At least this share of a triangle's visible area must lie in unmasked pixels. Triangles at the
 /// border of a mask lie in masked pixels for the most part, and without them holes open in other
 /// views.
-const LEAST_COUNTED: f32 = 0.02;
+const MIN_UNMASKED_SHARE: f32 = 0.02;
 /// The same for photos of an object without background: there pixels beside it are empty, and what
 /// mostly lies in them is a shard.
-const LEAST_COUNTED_CUT: f32 = 0.5;
+const MIN_UNMASKED_SHARE_OF_OBJECT: f32 = 0.5;
 /// Number of photos for the curve of error against triangles.
 const CURVE_VIEWS: usize = 12;
 /// With `max_error`, at least about one triangle in this many stays.
@@ -210,7 +210,7 @@ pub fn masked(
         return Ok(None);
     };
     let shares = counted_share(mesh, views, progress)?;
-    let least = if views.are_cut() { LEAST_COUNTED_CUT } else { LEAST_COUNTED };
+    let least = if views.are_cut() { MIN_UNMASKED_SHARE_OF_OBJECT } else { MIN_UNMASKED_SHARE };
     let stays = |share: &Option<f32>| share.is_none_or(|share| share >= least);
     let kept: Vec<u32> =
         (0..).zip(&shares).filter(|(_, share)| stays(share)).map(|(face, _)| face).collect();

@@ -23,7 +23,7 @@ const SURROUNDED: f64 = 0.9;
 /// One photo in this many is held out when a stage evaluates what it fits, and ...
 const EVALUATION_EVERY: usize = 8;
 /// ... at most these.
-const MOST_EVALUATION_VIEWS: usize = 24;
+const MAX_EVALUATION_VIEWS: usize = 24;
 
 /// How close a scene comes to photos.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -167,7 +167,7 @@ impl Views {
     /// stage: what was fitted to the others by one is unseen by all. Fewer than five photos are all
     /// fitted to.
     pub fn held_out(&self) -> (Vec<usize>, Vec<usize>) {
-        let every = EVALUATION_EVERY.max(self.len().div_ceil(MOST_EVALUATION_VIEWS));
+        let every = EVALUATION_EVERY.max(self.len().div_ceil(MAX_EVALUATION_VIEWS));
         (0..self.len()).partition(|view| view % every == every / 2)
     }
 

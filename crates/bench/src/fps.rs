@@ -26,9 +26,9 @@ use trisplat_view::{Canvas, DrawStats, FrameParams, Headless, Model};
 /// Background colour: one that no scene is likely to have, so that holes are seen.
 const BACKGROUND: [f32; 3] = [1.0, 0.0, 1.0];
 const NEAR: f32 = 0.01;
-/// Least agreement of a frame with the solid rasteriser on the CPU that counts as the same picture,
+/// Minimum agreement of a frame with the solid rasteriser on the CPU that counts as the same picture,
 /// dB.
-const LEAST_PSNR: f64 = 30.0;
+const MIN_PSNR: f64 = 30.0;
 
 /// What to measure.
 #[derive(Debug, Clone, clap::Args)]
@@ -246,7 +246,7 @@ fn check(frame: &RgbImage, mesh: &Mesh, camera: &Camera) -> Result<f64> {
     options.validate(camera.size)?;
     let wants = SolidRasterizer::new().render(mesh, camera, &options);
     let psnr = metric::psnr(&frame.rgb, &wants.rgb, None);
-    if !(psnr >= LEAST_PSNR) {
+    if !(psnr >= MIN_PSNR) {
         return Err(Error::Gpu(format!(
             "another picture than on the CPU at {}x{}: {psnr:.1} dB; update the driver or try another `graphics_api`",
             camera.size.x, camera.size.y

@@ -15,7 +15,7 @@ const FLOATING: f64 = 0.01;
 const CORE: f64 = 0.4;
 /// Size of a triangle of the core, relative to its half of the cell.
 const GROWN: f64 = 1.3;
-/// Most cells by which it may cross the border of its patch.
+/// Maximum number of cells by which it may cross the border of its patch.
 const SLACK: f64 = 0.06;
 /// Area of all scattered triangles of a surface over the area of the surface, per share of
 /// scattered ones.
@@ -277,7 +277,7 @@ fn faint(uniform: f64) -> f64 {
     0.02 + 0.7 * uniform * uniform.sqrt()
 }
 
-/// The most degenerate soup that a reader may accept: one triangle of every kind that breaks naive
+/// Maximum degenerate soup that a reader may accept: one triangle of every kind that breaks naive
 /// code, and a few valid ones, so that a bake of it still has something to write.
 pub fn degenerate() -> Soup {
     let mut soup = Soup::default();

@@ -13,13 +13,13 @@ use trisplat_scene::math::lists::median;
 use trisplat_scene::{Error, Limits, Result, input};
 
 /// A pose held by fewer points is left out ...
-const LEAST_TIES: usize = 10;
+const MIN_TIED_POINTS: usize = 10;
 /// ... where half of the photos have this many.
 const USUAL_TIES: usize = 50;
 /// Fewer observations say nothing of the points.
-const LEAST_SIGHTINGS: usize = 50;
+const MIN_OBSERVATIONS: usize = 50;
 /// A point this far from where a photo shows it, of the longer side, is not that point.
-const MOST_APART: f64 = 0.1;
+const MAX_REPROJECTION_ERROR: f64 = 0.1;
 
 /// The place and format of a model.
 #[derive(Debug, Clone, PartialEq)]
@@ -141,12 +141,12 @@ fn foreign_points(model: &Model, places: &HashMap<u64, DVec3>) -> Option<String>
         found.iter().filter_map(|(_, at, seen)| Some(at.as_ref()?.length() / seen.length()));
     let scale = median(scales.collect(), f64::total_cmp).unwrap_or(1.0);
     let is_apart = |(lens, at, seen): &&(&Lens, Option<DVec2>, DVec2)| {
-        let most = MOST_APART * lens.size.as_dvec2().max_element();
+        let most = MAX_REPROJECTION_ERROR * lens.size.as_dvec2().max_element();
         !at.is_some_and(|at| at.distance(*seen * scale) <= most)
     };
     let apart = found.iter().filter(is_apart).count();
     let count = found.len();
-    (count >= LEAST_SIGHTINGS && 2 * apart > count)
+    (count >= MIN_OBSERVATIONS && 2 * apart > count)
         .then(|| format!("{other}: {apart} of {count} points are not where the photos show them"))
 }
 
@@ -155,12 +155,13 @@ fn leave_out_loose(model: &mut Model, warnings: &mut Vec<String>) {
     let ties = |image: &ImageRow| image.observations.len();
     let usual = median(model.images.iter().map(ties).collect(), usize::cmp).unwrap_or(0);
     // A photo of none has its pose from elsewhere.
-    let loose = |image: &ImageRow| usual >= USUAL_TIES && (1..LEAST_TIES).contains(&ties(image));
+    let loose =
+        |image: &ImageRow| usual >= USUAL_TIES && (1..MIN_TIED_POINTS).contains(&ties(image));
     let total = model.images.len();
     let out = model.images.iter().filter(|image| loose(image)).count();
     let Some(first) = model.images.iter().find(|image| loose(image)) else { return };
     warnings.push(format!(
-        "{out} of {total} photos left out: fewer than {LEAST_TIES} points hold their poses (`{}`: {}, half of the photos have \
+        "{out} of {total} photos left out: fewer than {MIN_TIED_POINTS} points hold their poses (`{}`: {}, half of the photos have \
          {usual} or more)",
         first.name,
         ties(first)

@@ -429,7 +429,7 @@ fn leave_out_far(found: &mut FoundDataset) {
     let distances: Vec<f64> = centers.iter().map(|center| center.distance(middle)).collect();
     let mut scale = usual(distances.clone());
     let farthest = distances.iter().copied().fold(0.0, f64::max);
-    if centers.len() < LEAST_POSES || scale == 0.0 || farthest <= FAR * scale {
+    if centers.len() < MIN_POSES || scale == 0.0 || farthest <= FAR * scale {
         return;
     }
     let points: Vec<f64> =
@@ -517,6 +517,6 @@ fn keep_points(found: Vec<FoundPoint>, dataset: &mut Dataset) {
 }
 
 /// Fewer poses have no usual distance.
-const LEAST_POSES: usize = 5;
+const MIN_POSES: usize = 5;
 /// Poses this many times as far from the middle as is usual are wrong.
 const FAR: f64 = 100.0;

@@ -30,7 +30,7 @@ pub struct Photo {
     pub(super) cut: bool,
     /// The selected part of it.
     pub(super) crop: Option<Crop>,
-    /// Most bytes that decoding its file takes.
+    /// Maximum bytes that decoding its file takes.
     pub(super) decoding: u64,
 }
 
@@ -202,7 +202,7 @@ impl Photo {
         matches!(self.drawn, Some(Drawn::Stored(..)))
     }
 
-    /// Most bytes in memory while it is decoded, the result included; of a picture in a temporary
+    /// Maximum bytes in memory while it is decoded, the result included; of a picture in a temporary
     /// file, the result.
     pub(super) fn decoding_bytes(&self) -> u64 {
         // Beside the picture: its mask, or the same without distortion.
@@ -212,7 +212,7 @@ impl Photo {
         whole.max(self.most_bytes())
     }
 
-    /// Most bytes of the decoded photo in memory.
+    /// Maximum bytes of the decoded photo in memory.
     pub fn most_bytes(&self) -> u64 {
         4 * u64::from(self.size.x) * u64::from(self.size.y)
     }

@@ -213,7 +213,7 @@ impl Loader {
         state
     }
 
-    /// Most bytes that bringing photo `i` into memory takes.
+    /// Maximum bytes that bringing photo `i` into memory takes.
     fn cost(&self, state: &LoaderState, i: usize) -> u64 {
         let photo = &self.photos[i];
         if state.slots[i].cached.is_some() { photo.most_bytes() } else { photo.decoding_bytes() }
@@ -225,7 +225,7 @@ impl Loader {
         loading.map(|i| self.cost(state, i)).sum()
     }
 
-    /// The most urgent photo: the one waited for, then the next in the queue while memory lasts.
+    /// Maximum urgent photo: the one waited for, then the next in the queue while memory lasts.
     fn next_job(&self, state: &LoaderState) -> Option<usize> {
         let idle = |i: usize| state.slots[i].pixels.is_none() && !state.slots[i].loading;
         let loading = self.loading_bytes(state);

@@ -8,18 +8,18 @@ use trisplat_scene::parallel;
 /// Photos that are looked at.
 const PHOTOS: usize = 12;
 /// Fewer points of an object say nothing.
-const LEAST_POINTS: usize = 50;
+const MIN_POINTS: usize = 50;
 /// Photos that show a point that counts.
-const LEAST_SIGHTS: u64 = 3;
+const MIN_OBSERVATIONS: u64 = 3;
 /// Smaller masks say nothing: share of the pixels.
-const LEAST_AREA: f64 = 0.02;
+const MIN_AREA: f64 = 0.02;
 /// Points that three quarters of the photos keep are masked this many times less often than pixels
 /// are: 0.006 times in dtu_scan24, 0.001 to 0.08 where masks are those of balls in the sample and
 /// three captures, 0.3 to 1.2 for discs at random places.
-const MOST_MASKED: f64 = 0.16;
+const MAX_MASKED_RATIO: f64 = 0.16;
 /// Silhouettes differ between photos by this share of the masked area, even of a ball in the middle
 /// of every photo. What belongs to the lens is always the same.
-const LEAST_CHANGE: f64 = 0.02;
+const MIN_CHANGE: f64 = 0.02;
 /// Cells per side in which masks are compared.
 const CELLS: u32 = 16;
 
@@ -34,7 +34,7 @@ struct Sight {
 /// Whether the masks of `views` are the silhouettes of the object that `points` lie on. False where
 /// a photo has none.
 pub(super) fn are_silhouettes(views: &[View], points: &[Point]) -> bool {
-    if points.len() < LEAST_POINTS || views.iter().any(|view| view.photo.mask.is_none()) {
+    if points.len() < MIN_POINTS || views.iter().any(|view| view.photo.mask.is_none()) {
         return false;
     }
     let chosen: Vec<&View> = evenly_spaced(views.len(), PHOTOS).map(|i| &views[i]).collect();
@@ -52,7 +52,7 @@ fn agree(seen: &[Sight], points: usize) -> bool {
     let area = mean(&usual);
     let change = |sight: &Sight| mean(&|cell| (sight.masked[cell] - usual(cell)).abs());
     let change = seen.iter().map(change).sum::<f64>() / seen.len() as f64;
-    if area < LEAST_AREA || change < LEAST_CHANGE * area {
+    if area < MIN_AREA || change < MIN_CHANGE * area {
         return false;
     }
     let mut objects = 0;
@@ -64,13 +64,13 @@ fn agree(seen: &[Sight], points: usize) -> bool {
         let kept = sights().filter(|keeps| *keeps).count() as u64;
         // Points of the background are masked more often by the silhouettes of an object before
         // them.
-        if all >= LEAST_SIGHTS && 4 * kept >= 3 * all {
+        if all >= MIN_OBSERVATIONS && 4 * kept >= 3 * all {
             objects = objects + 1;
             shown = shown + all;
             masked = masked + all - kept;
         }
     }
-    objects >= LEAST_POINTS && (masked as f64) < MOST_MASKED * area * shown as f64
+    objects >= MIN_POINTS && (masked as f64) < MAX_MASKED_RATIO * area * shown as f64
 }
 
 impl Sight {

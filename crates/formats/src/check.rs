@@ -103,7 +103,7 @@ fn check_loaded(loaded: &ImportedScene, findings: &mut Findings) {
 
 /// Largest side of a texture that today's phones draw, texels.
 const LARGEST_TEXTURE: u32 = 4096;
-/// Most places that a finding names.
+/// Maximum number of places that a finding names.
 const NAMED: usize = 3;
 
 pub(super) fn check_soup(soup: &Soup, findings: &mut Findings) {

@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 use std::path::Path;
 use trisplat_scene::{Error, Result};
 
-/// The most corners of one face: cutting a polygon may cost up to the cube of its corners.
+/// Maximum number of corners of one face: cutting a polygon may cost up to the cube of its corners.
 pub(super) const MAX_CORNERS: usize = 1 << 12;
 
 /// The message about a polygon where only triangles are permitted.

@@ -96,7 +96,7 @@ const TIMES_SPREAD: f64 = 16.0;
 /// Share of the positions that determine a scene's size, so that a few strays or a sky do not
 /// change it.
 const NEARLY_ALL: f64 = 0.9;
-/// Most positions to sample.
+/// Maximum number of positions to sample.
 const SAMPLE: usize = 1 << 12;
 
 /// Indices of the sampled positions among `count`.

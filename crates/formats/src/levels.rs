@@ -48,7 +48,7 @@ impl EngineLevels {
 const SCREEN_PX: f64 = 1080.0;
 /// Width of a level's median triangle on that screen at which a finer level takes over, px.
 const TRIANGLE_PX: f64 = 2.0;
-/// Least ratio of the distances at which two levels change: engines need falling heights on the
+/// Minimum ratio of the distances at which two levels change: engines need falling heights on the
 /// screen.
 pub(super) const APART: f64 = 1.001;
 

@@ -13,8 +13,8 @@ use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{Error, Limits, Result, Texture, excerpt, input};
 
-/// Most libraries of a file; each is read whole.
-const MOST_LIBRARIES: usize = 64;
+/// Maximum number of libraries of a file; each is read whole.
+const MAX_LIBRARIES: usize = 64;
 
 /// Maximum number of materials that a warning names.
 const MAX_NAMED: usize = 8;
@@ -71,7 +71,7 @@ impl Materials {
     /// `mtllib NAME...`: names may be quoted, and hold spaces.
     pub(crate) fn library(&mut self, names: &str) {
         for name in library_names(names) {
-            if self.libraries.len() < MOST_LIBRARIES && !self.libraries.contains(&name) {
+            if self.libraries.len() < MAX_LIBRARIES && !self.libraries.contains(&name) {
                 self.libraries.push(name);
             }
         }
@@ -309,7 +309,7 @@ fn in_any_case(folder: &Path, relative: &Path) -> PathBuf {
 fn library_names(text: &str) -> Vec<String> {
     let mut names = Vec::new();
     let mut rest = text.trim();
-    while !rest.is_empty() && names.len() < MOST_LIBRARIES {
+    while !rest.is_empty() && names.len() < MAX_LIBRARIES {
         let lower = rest.to_ascii_lowercase();
         let quoted = rest.strip_prefix('"').and_then(|inner| inner.split_once('"'));
         let end = lower.match_indices(".mtl").map(|(at, ending)| at + ending.len());

@@ -157,7 +157,7 @@ const CORNERS: u64 = 4097;
 /// Of formats without counts: text shrinks to a tenth, seldom to a hundredth.
 const TEXT_RATIO: u64 = 128;
 
-/// Most bytes behind the header of a file that begins with `head`; `packed` is its compressed size.
+/// Maximum bytes behind the header of a file that begins with `head`; `packed` is its compressed size.
 fn needed(head: &[u8], packed: u64) -> u64 {
     let head = head.strip_prefix(input::BYTE_ORDER_MARK).unwrap_or(head);
     if let [b'g', b'l', b'T', b'F', _, _, _, _, a, b, c, d, ..] = *head {

@@ -41,7 +41,7 @@ pub struct TilesetWriter {
     file: AtomicFile,
     folder: PathBuf,
     options: GltfOptions,
-    /// Most tiles in one tileset.
+    /// Maximum number of tiles in one tileset.
     most_tiles: u32,
     /// Names of all files in the folder.
     names: BTreeSet<String>,
@@ -341,7 +341,7 @@ impl TilesetTile {
     }
 }
 
-/// Most tiles of an indented file; larger files are three times shorter without indentation.
+/// Maximum number of tiles of an indented file; larger files are three times shorter without indentation.
 const INDENTED: usize = 1000;
 
 /// The text of the file.

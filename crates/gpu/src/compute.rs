@@ -68,9 +68,9 @@ impl Kernel {
 
 /// The two dimensions of a dispatch of `count` workgroups; one dimension has a limit.
 pub fn workgroups(count: u32) -> [u32; 2] {
-    let down = count.div_ceil(MOST_ACROSS).max(1);
+    let down = count.div_ceil(MAX_WORKGROUPS).max(1);
     [count.div_ceil(down), down]
 }
 
 /// Workgroups in one dimension that every card supports.
-pub(crate) const MOST_ACROSS: u32 = 65_535;
+pub(crate) const MAX_WORKGROUPS: u32 = 65_535;

@@ -12,12 +12,12 @@ use trisplat_formats::output::{self, Output};
 use trisplat_scene::report::Report;
 use trisplat_scene::{Asset, Error, ImportedScene, Result};
 
-/// Most bakes, should the later ones be needed.
-const MOST_BAKES: u32 = 6;
+/// Maximum number of bakes, should the later ones be needed.
+const MAX_BAKES: u32 = 6;
 /// The target size, as a share of the limit: a little less, because a scene that is too large is
 /// discarded.
 const AIM: f64 = 0.985;
-/// Least share of the limit that is good enough at once, and ...
+/// Minimum share of the limit that is good enough at once, and ...
 const NEAR: f64 = 0.95;
 /// ... after the second bake.
 const CLOSE: f64 = 0.9;
@@ -111,7 +111,7 @@ fn most_within<T>(
         most = Some((((aim - from.1) / each) as u64).clamp(1, all));
     }
     let (mut best, mut least): (Option<(u64, T)>, f64) = (None, f64::INFINITY);
-    for made in 1..=MOST_BAKES {
+    for made in 1..=MAX_BAKES {
         let (bytes, scene) = make(most)?;
         let now = (most.map_or(all, |most| most.min(all)) as f64, bytes as f64);
         if bytes > limit {

@@ -38,7 +38,7 @@ const ROUNDS_BETWEEN: usize = 3;
 /// What goes into the triangles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Effort {
-    /// Most pictures.
+    /// Maximum number of pictures.
     pictures: usize,
     surroundings: Work,
     /// An object has fewer surfaces, and its cut-out pictures cost less.
@@ -48,7 +48,7 @@ pub(super) struct Effort {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Work {
     steps: u64,
-    /// Most triangles, unless they are given.
+    /// Maximum number of triangles, unless they are given.
     triangles: u64,
     /// Longer side of the pictures, px.
     longer_px: u32,

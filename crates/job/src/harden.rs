@@ -16,11 +16,11 @@ use trisplat_scene::{Error, ImportedScene, Result, Scene, SceneNormalization, So
 use trisplat_teacher as teacher;
 use trisplat_train::{TrainDetails, TrainOptions, TrainPreset, TrainRun};
 
-/// Most triangles of a hardened scene, unless the soft one has more.
-const LEAST_BUDGET: u64 = 60_000;
+/// Maximum number of triangles of a hardened scene, unless the soft one has more.
+const DEFAULT_MAX_TRIANGLES: u64 = 60_000;
 /// Largest share of steps on soft pictures when there are photos too.
-pub const MOST_PICTURES: f64 = 0.9;
-/// Most triangles of a hardened scene, as a multiple of the soft scene's.
+pub const MAX_TEACHER_SHARE: f64 = 0.9;
+/// Maximum number of triangles of a hardened scene, as a multiple of the soft scene's.
 const GROWTH: f64 = 1.25;
 
 /// Steps of hardening that suit most soft scenes.
@@ -31,7 +31,7 @@ pub const HARDEN_STEPS: u64 = 2000;
 /// afterwards loses up to 0.9 dB and takes a third more seconds.
 pub(super) fn training(steps: u64, triangles: usize, max_triangles: Option<u64>) -> TrainOptions {
     let grown = (triangles as f64 * GROWTH) as u64;
-    let max_triangles = max_triangles.unwrap_or(LEAST_BUDGET.max(grown));
+    let max_triangles = max_triangles.unwrap_or(DEFAULT_MAX_TRIANGLES.max(grown));
     TrainOptions { steps, max_triangles, ..TrainOptions::from_scene(TrainPreset::Solid) }
 }
 

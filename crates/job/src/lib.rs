@@ -30,7 +30,7 @@ mod training;
 pub use baking::{BakeDone, BakeInput, BakeJob};
 pub use evaluate::{EvalJob, ReadyEval};
 pub use event::{Event, MakePart, Observer, TrainBegins, TrainPart};
-pub use harden::{HARDEN_STEPS, MOST_PICTURES};
+pub use harden::{HARDEN_STEPS, MAX_TEACHER_SHARE};
 pub use inputs::{describe, files_of};
 pub use making::{MakeDone, MakeJob};
 pub use meshing::MeshJob;

@@ -28,7 +28,7 @@ const CHECKPOINT_EVERY: u64 = 500;
 /// does.
 const LARGEST_SUBJECT: f64 = 0.6;
 /// Fewer photos show no shape, or leave none to judge it by.
-const LEAST_PHOTOS: usize = 3;
+const MIN_PHOTOS: usize = 3;
 /// Why a finished part is skipped.
 const DONE: &str = "done before";
 /// List of the training's files in the working folder.
@@ -181,7 +181,7 @@ impl MakeJob {
                 job.options = self.capture.clone();
                 job.force = self.force;
                 job.skip_broken = self.dataset_options.skip_broken;
-                job.least_photos = LEAST_PHOTOS;
+                job.least_photos = MIN_PHOTOS;
                 (folder, Some(job.run(&mut report, &mut stages(observer))?))
             }
         };
@@ -292,12 +292,12 @@ impl MakeJob {
         save(&notes, &own)?;
         let how = reading(&self.dataset_options, resume.as_ref());
         let photos = Dataset::load(path, &how)?;
-        if photos.views.len() < LEAST_PHOTOS {
+        if photos.views.len() < MIN_PHOTOS {
             let count = match photos.views.len() {
                 1 => "1 photo is".to_owned(),
                 count => format!("{count} photos are"),
             };
-            let reason = format!("{count} not enough; give {LEAST_PHOTOS} or more");
+            let reason = format!("{count} not enough; give {MIN_PHOTOS} or more");
             return Err(Error::unsupported(path, reason));
         }
         if !self.anyway {

@@ -24,7 +24,7 @@ const ASIDE: f32 = 0.4;
 const ASIDE_STEP: u32 = 6;
 /// The same for the cameras' own views.
 const OWN_STEP: u32 = 4;
-/// Least share of such a view that a triangle without support fills: smaller ones are detail.
+/// Minimum share of such a view that a triangle without support fills: smaller ones are detail.
 const NOTICED: f32 = 0.002;
 /// A triangle lacks support where it fills this many times more of a view than of any photo.
 const MAGNIFIED: f32 = 16.0;

@@ -27,7 +27,7 @@ const AHEAD: usize = 8;
 const CENTRES: [f32; LANES] =
     [0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5, 8.5, 9.5, 10.5, 11.5, 12.5, 13.5, 14.5, 15.5];
 /// Alpha far below the cut-off, where the lanes' exponential is still defined.
-const LEAST_POWER: f32 = -64.0;
+const MIN_POWER: f32 = -64.0;
 
 /// What a camera sees of Gaussians; colours sRGB-encoded, as they were trained. The same bits for
 /// any number of threads.
@@ -177,7 +177,7 @@ impl DrawTile<'_> {
                 continue;
             }
             let alpha =
-                Real::min(Real::max(power, L::splat(LEAST_POWER)).exp2(), L::splat(ALPHA_CAP));
+                Real::min(Real::max(power, L::splat(MIN_POWER)).exp2(), L::splat(ALPHA_CAP));
             let (weight, after) = window::blend(before, alpha.masked(drawn));
             for (channel, color) in pixels.rgb.iter_mut().zip(rgb) {
                 weight.mul_add(color, L::load(&channel[line])).store(&mut channel[line]);

@@ -37,7 +37,7 @@ pub struct SoftRasterizer {
     slots: GradSlots,
     weights: Vec<WeightSlot>,
     frame: Frame,
-    /// Most pairs of splats and tiles drawn at once, where tests set fewer than usual.
+    /// Maximum number of pairs of splats and tiles drawn at once, where tests set fewer than usual.
     pairs_per_slab: Option<u64>,
 }
 
@@ -159,7 +159,7 @@ fn fill<T: Send>(
 // drawn in several slabs of splats, and closed tiles are omitted from later ones. Pixels, weights
 // and gradients are bitwise the same.
 
-/// Most pairs of a slab; each takes 20 bytes while it is drawn.
+/// Maximum number of pairs of a slab; each takes 20 bytes while it is drawn.
 const PAIRS_PER_SLAB: u64 = 1 << 24;
 
 /// Whether a frame needs slabs. With an order per pixel all layers must be in one list.

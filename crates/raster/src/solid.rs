@@ -81,7 +81,7 @@ impl SolidRasterOptions {
     }
 }
 
-/// Most pairs of triangles and tiles in the bins at once; 4 to 28 bytes each.
+/// Maximum number of pairs of triangles and tiles in the bins at once; 4 to 28 bytes each.
 const PAIRS_PER_ROUND: usize = 1 << 24;
 
 /// The rasteriser: scratch memory that is reused from frame to frame.
@@ -89,7 +89,7 @@ const PAIRS_PER_ROUND: usize = 1 << 24;
 pub struct SolidRasterizer {
     batches: Vec<Batch>,
     visibility: Visibility,
-    /// Most pairs of triangles and tiles in the bins at once, where tests set fewer than usual.
+    /// Maximum number of pairs of triangles and tiles in the bins at once, where tests set fewer than usual.
     pairs_per_round: Option<usize>,
 }
 

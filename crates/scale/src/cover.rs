@@ -16,7 +16,7 @@ use trisplat_scene::{Error, Result, SceneNormalization, Soup, sh0_from_rgb};
 /// Longer side of the drawings, px: shares of a picture need no more.
 const LONGEST_PX: u32 = 192;
 /// A triangle is visible when its weight reaches this at some pixel.
-const LEAST_WEIGHT: f32 = 1e-3;
+const MIN_WEIGHT: f32 = 1e-3;
 /// Share of a block's pixels that its crop of a photo may leave out, on each side.
 const LEFT_OUT: f32 = 0.005;
 /// Margin of a crop, px, so that the windows of SSIM are whole.
@@ -117,7 +117,7 @@ pub(super) fn visible(
         coverage.draw(brush, &views[photo.photo as usize].cropped(corner, size)?.camera);
         let weighed = brush.numbers.iter().zip(&brush.importance.max_weight);
         Ok(weighed
-            .filter(|(_, weight)| **weight >= LEAST_WEIGHT)
+            .filter(|(_, weight)| **weight >= MIN_WEIGHT)
             .map(|(number, _)| *number)
             .collect())
     };

@@ -319,7 +319,7 @@ pub struct PlanOptions {
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = PlanOptions::DEFAULT.min_cover))]
     #[schemars(range(min = 0.0, max = 0.5))]
     pub min_cover: f64,
-    /// Most photos per block, those that show most of it; 0: no limit.
+    /// Maximum number of photos per block, those that show most of it; 0: no limit.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = PlanOptions::DEFAULT.block_photos))]
     #[schemars(range(max = 1_000_000))]
     pub block_photos: u32,

@@ -15,11 +15,11 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Most pictures that are kept: of more, drawing each by itself costs an engine more than they
+/// Maximum number of pictures that are kept: of more, drawing each by itself costs an engine more than they
 /// show.
-const MOST_PAGES: usize = 255;
-/// Most texels of all copies of pictures in another tint.
-const MOST_TINTED: u64 = 1 << 26;
+const MAX_PAGES: usize = 255;
+/// Maximum number of texels of all copies of pictures in another tint.
+const MAX_TINTED: u64 = 1 << 26;
 /// Largest side of the atlas, texels.
 const LARGEST: u32 = 8192;
 /// Largest side of a patch, texels.
@@ -31,7 +31,7 @@ const MARGIN: f32 = 2.0;
 /// Patches begin at multiples of this, so that two mip levels do not mix them.
 const STEP: u32 = 4;
 /// Patches are made coarser this often before they lose their picture.
-const MOST_HALVINGS: usize = 14;
+const MAX_HALVINGS: usize = 14;
 
 const WHITE: Tints = [[255; 3]; 3];
 
@@ -194,7 +194,7 @@ impl Draft {
         }
         let texels = u64::from(texture.size().element_product());
         let is_tinted = tint != WHITE[0];
-        if self.pages.len() == MOST_PAGES || is_tinted && self.tinted + texels > MOST_TINTED {
+        if self.pages.len() == MAX_PAGES || is_tinted && self.tinted + texels > MAX_TINTED {
             return None;
         }
         let mut page = texture.clone();
@@ -303,7 +303,7 @@ impl Draft {
     /// The texels of all patches, at the finest level that fits, the size of the atlas, and the
     /// place of each.
     fn arranged(&self) -> Option<(Vec<Frame>, UVec2, Vec<UVec2>)> {
-        (0..=MOST_HALVINGS).find_map(|halvings| {
+        (0..=MAX_HALVINGS).find_map(|halvings| {
             let frames: Vec<Frame> =
                 self.patches.iter().map(|patch| patch.frame(halvings)).collect();
             let sizes: Vec<UVec2> = frames.iter().map(|frame| frame.size).collect();

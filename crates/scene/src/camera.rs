@@ -173,11 +173,11 @@ pub struct Viewpoint {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OrbitRange {
-    /// Least and largest turn around the up direction, degrees: 0 is the eye, and more is
+    /// Minimum and largest turn around the up direction, degrees: 0 is the eye, and more is
     /// counter-clockwise seen from above. Absent when photos surround the target.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turn: Option<[f64; 2]>,
-    /// Least and largest elevation above the target, degrees.
+    /// Minimum and largest elevation above the target, degrees.
     pub elevation: [f64; 2],
 }
 

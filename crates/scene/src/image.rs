@@ -158,7 +158,7 @@ impl RgbImage {
         Ok(size)
     }
 
-    /// Most bytes that decoding a picture file of `size` px takes, the result included and a JPEG's
+    /// Maximum bytes that decoding a picture file of `size` px takes, the result included and a JPEG's
     /// own bytes excluded, by its first bytes.
     pub fn decoding_bytes(path: &Path, size: UVec2, limits: &Limits) -> Result<u64> {
         let (file, _) = input::open(path, limits)?;

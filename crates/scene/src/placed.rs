@@ -40,7 +40,7 @@ pub fn to_world(camera: &Camera, placement: &Placement, origin: DVec3) -> Camera
 // ---- The cameras of photos that a file names ----------------------------------------------------
 
 /// Most of them: 60 bytes each.
-const MOST_CAMERAS: usize = 32;
+const MAX_CAMERAS: usize = 32;
 /// Pixels of a picture by one of them.
 const PIXELS: f64 = 230_000.0;
 /// Digits of their numbers: thousandths of what they are apart, or of a turn.
@@ -49,7 +49,7 @@ const DIGITS: f64 = 1e4;
 /// Some of `cameras` as [`Provenance::cameras`] has them.
 pub fn named(cameras: &[Camera]) -> Vec<[f64; 8]> {
     let chosen: Vec<Camera> =
-        evenly_spaced(cameras.len(), MOST_CAMERAS).map(|i| cameras[i]).collect();
+        evenly_spaced(cameras.len(), MAX_CAMERAS).map(|i| cameras[i]).collect();
     let apart =
         chosen.iter().map(|c| c.position().distance(chosen[0].position())).fold(0.0, f32::max);
     let unit = libm::pow(10.0, libm::floor(libm::log10(f64::from(apart).max(1e-9))));
@@ -86,12 +86,12 @@ pub fn named_cameras(provenance: &Provenance) -> Vec<Camera> {
         };
         camera.validate(&Limits::DEFAULT).ok().map(|()| camera)
     };
-    provenance.cameras.iter().take(MOST_CAMERAS).filter_map(camera).collect()
+    provenance.cameras.iter().take(MAX_CAMERAS).filter_map(camera).collect()
 }
 
 // ---- Training space, in which rates and epsilons mean the same for every scene ------------------
 
-/// Most pairs of a camera and a point for the unit; with more, a random selection is used.
+/// Maximum number of pairs of a camera and a point for the unit; with more, a random selection is used.
 const PAIRS: usize = 200_000;
 /// One seed for all scenes: runs on parts of a scene, with seeds of their own, share its space.
 const SEED: u64 = 0;
@@ -261,8 +261,8 @@ mod tests {
             let cameras: Vec<Camera> = (0..40).map(camera).collect();
             let mut provenance = Provenance { cameras: named(&cameras), ..Provenance::default() };
             let back = named_cameras(&provenance);
-            assert_eq!(back.len(), MOST_CAMERAS);
-            let chosen = evenly_spaced(cameras.len(), MOST_CAMERAS);
+            assert_eq!(back.len(), MAX_CAMERAS);
+            let chosen = evenly_spaced(cameras.len(), MAX_CAMERAS);
             for (i, back) in chosen.zip(&back) {
                 let camera = cameras[i];
                 let point = scale * Vec3::new(0.3, -0.4, 0.2);
@@ -276,7 +276,7 @@ mod tests {
             provenance.cameras[0][3] = 7.0;
             provenance.cameras[1][7] = 0.0;
             provenance.cameras[2][0] = 1e300;
-            assert_eq!(named_cameras(&provenance).len(), MOST_CAMERAS - 2);
+            assert_eq!(named_cameras(&provenance).len(), MAX_CAMERAS - 2);
         }
         assert!(named(&[]).is_empty());
     }

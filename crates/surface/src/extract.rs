@@ -149,7 +149,7 @@ pub struct CollisionOptions {
     /// scene
     #[cfg_attr(feature = "cli", arg(long))]
     pub collision: bool,
-    /// Most triangles of that surface
+    /// Maximum number of triangles of that surface
     #[cfg_attr(feature = "cli", arg(skip = CollisionOptions::DEFAULT.collision_triangles))]
     #[schemars(range(min = 1, max = 1_000_000_000))]
     pub collision_triangles: u32,

@@ -7,7 +7,7 @@ use trisplat_scene::math::lists::Sets;
 use trisplat_scene::mesh::{Colors, Mesh};
 
 /// Holes with more edges are not small.
-const MOST_EDGES: usize = 32;
+const MAX_EDGES: usize = 32;
 
 /// Which holes are closed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,7 +24,7 @@ pub(super) enum Holes {
 pub(super) fn fill(mesh: &mut Mesh, holes: Holes) -> u64 {
     let mut rings = rings(mesh);
     match holes {
-        Holes::Small => rings.retain(|ring| ring.len() <= MOST_EDGES),
+        Holes::Small => rings.retain(|ring| ring.len() <= MAX_EDGES),
         Holes::AllButTheWidest => {
             let reach: Vec<f32> = rings.iter().map(|ring| reach(mesh, ring)).collect();
             let widest =

@@ -7,9 +7,9 @@ use trisplat_scene::ranges::{self, Called};
 use trisplat_teacher::ViewpointKind;
 
 /// Cells along the longest side, unless asked for more; ...
-const MOST_CELLS: u32 = 256;
+const MAX_CELLS: u32 = 256;
 /// ... and with few triangles.
-const LEAST_CELLS: u32 = 48;
+const MIN_CELLS: u32 = 48;
 /// Cells along it per root of the triangles that are to be left, ...
 const CELLS_PER_SIDE: f64 = 1.3;
 /// ... and, where the surface serves a scene, per root of the scene's triangles: time grows with
@@ -72,14 +72,14 @@ impl SurfaceOptions {
     pub(super) fn cells(&self) -> u32 {
         let shown = |most: u32| (CELLS_PER_SIDE * f64::from(most).sqrt()) as u32;
         self.resolution.unwrap_or_else(|| {
-            self.max_triangles.map_or(MOST_CELLS, shown).clamp(LEAST_CELLS, MOST_CELLS)
+            self.max_triangles.map_or(MAX_CELLS, shown).clamp(MIN_CELLS, MAX_CELLS)
         })
     }
 
     /// The same with no more cells than a scene of `triangles` can fill with detail.
     pub fn for_scene(&self, triangles: usize) -> Self {
         let filled = (CELLS_OF_SCENE * (triangles as f64).sqrt()) as u32;
-        Self { resolution: Some(self.cells().min(filled.max(LEAST_CELLS))), ..self.clone() }
+        Self { resolution: Some(self.cells().min(filled.max(MIN_CELLS))), ..self.clone() }
     }
 
     /// Checks the ranges.

@@ -15,8 +15,8 @@ use trisplat_teacher::Teacher;
 pub(super) const FREE: f32 = f32::INFINITY;
 /// Depth of a pixel without observation.
 pub(super) const UNKNOWN: f32 = 0.0;
-/// Least share of the full distance that an observation at a grazing angle keeps.
-const LEAST_SLANT: f32 = 0.1;
+/// Minimum share of the full distance that an observation at a grazing angle keeps.
+const MIN_SLANT: f32 = 0.1;
 /// Weight of an observation beside an outline, where it is not sure which pixel a ray belongs to.
 const OUTLINE_WEIGHT: f32 = 0.05;
 /// Weight of an observation of empty space: it does not say how near the surface is.
@@ -115,7 +115,7 @@ impl DepthPicture {
         let ray = (at - self.camera.center) / self.camera.focal;
         let normal = Vec3::new(across, down, inverse - across * ray.x - down * ray.y);
         let depth = inverse.recip();
-        let slant = (inverse / normal.length()).clamp(LEAST_SLANT, ray.extend(1.0).length());
+        let slant = (inverse / normal.length()).clamp(MIN_SLANT, ray.extend(1.0).length());
         // A surface that is seen at a grazing angle is seen badly.
         Observation { depth, slant, weight: slant, pixel }
     }
@@ -153,7 +153,7 @@ impl<'a> Observer<'a> {
 // ---- Draws the depth pictures of a scene --------------------------------------------------------
 
 /// Pixels of all pictures together: they are in memory at once, with 7 bytes each.
-const MOST_PIXELS: f64 = 48_000_000.0;
+const MAX_PIXELS: f64 = 48_000_000.0;
 /// From this transmittance on a pixel counts as empty.
 const FREE_FROM: f32 = 0.9;
 /// Pixels to each side of a pixel that tell whether it shows a crack.
@@ -179,7 +179,7 @@ pub(super) fn pictures(
     progress: StageProgress<'_>,
 ) -> Vec<DepthPicture> {
     let pixels: f64 = cameras.iter().map(|c| f64::from(c.size.x) * f64::from(c.size.y)).sum();
-    let ratio = (MOST_PIXELS / pixels).sqrt().min(1.0);
+    let ratio = (MAX_PIXELS / pixels).sqrt().min(1.0);
     let smaller = |camera: &Camera| {
         camera.resized((camera.size.as_dvec2() * ratio).as_uvec2().max(UVec2::ONE))
     };

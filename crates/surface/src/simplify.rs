@@ -15,17 +15,17 @@ use trisplat_scene::{Error, Result, parallel};
 /// mesh's size.
 const COLOR_WEIGHT: f32 = 0.02;
 /// A piece whose share of the area is worth fewer triangles is dropped: an octahedron has as many.
-const LEAST_PER_PIECE: f64 = 8.0;
-/// Most triangles that edge collapses start from, per triangle that stays: their time has no other
+const MIN_FACES_PER_PIECE: f64 = 8.0;
+/// Maximum number of triangles that edge collapses start from, per triangle that stays: their time has no other
 /// bound.
-const MOST_PER_KEPT: usize = 512;
+const MAX_FACES_PER_KEPT_FACE: usize = 512;
 /// Side of the first cells in which vertices are joined, in the length of the mean edge.
 const FIRST_CELL: f32 = 2.0;
 /// How much larger cells are in the next round.
 const NEXT_CELL: f32 = 1.5;
 
 /// Edge collapses that leave less of the surface's extent along an axis are not used.
-const LEAST_SIZE: f32 = 0.5;
+const MIN_SIZE: f32 = 0.5;
 
 /// What simplification did.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,11 +46,11 @@ pub(super) fn simplify(mesh: &mut Mesh, most: usize) -> Result<Option<Simplified
     if mesh.face_count() <= most {
         return Ok(None);
     }
-    let pieces = drop_small_areas(mesh, LEAST_PER_PIECE / most as f64);
+    let pieces = drop_small_areas(mesh, MIN_FACES_PER_PIECE / most as f64);
     let mut side = FIRST_CELL * mean_edge(mesh);
     let whole = size(mesh);
     let mut error = 0.0;
-    while mesh.face_count() > most.saturating_mul(MOST_PER_KEPT) {
+    while mesh.face_count() > most.saturating_mul(MAX_FACES_PER_KEPT_FACE) {
         error = error + cluster(mesh, side);
         side = side * NEXT_CELL;
     }
@@ -60,7 +60,7 @@ pub(super) fn simplify(mesh: &mut Mesh, most: usize) -> Result<Option<Simplified
         let moved = collapse(&mut collapsed, most);
         // Collapses may end with nothing or with a corner of it, too; then the vertices are joined
         // that there were.
-        if size(&collapsed).cmpge(LEAST_SIZE * whole).all() && collapsed.face_count() > 0 {
+        if size(&collapsed).cmpge(MIN_SIZE * whole).all() && collapsed.face_count() > 0 {
             *mesh = collapsed;
             error = error + moved;
         }
@@ -134,8 +134,8 @@ fn check(mesh: &Mesh, most: usize) -> bool {
 
 // ---- Vertex clustering (Rossignac and Borrel 1993) ----------------------------------------------
 
-/// Most cells along an axis: three such numbers fit into one of 64 bits.
-const MOST_CELLS: f32 = (1 << 20) as f32;
+/// Maximum number of cells along an axis: three such numbers fit into one of 64 bits.
+const MAX_CELLS: f32 = (1 << 20) as f32;
 
 /// Joins the vertices in cells of side `side`; each cell keeps the vertex nearest to the planes of
 /// its triangles. Triangles that become lines or repeat another go. Returns how far the surface
@@ -184,7 +184,7 @@ fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
 fn cells(positions: &[Vec3], side: f32) -> Vec<u32> {
     let low = positions.iter().copied().reduce(Vec3::min).unwrap_or_default();
     let high = positions.iter().copied().reduce(Vec3::max).unwrap_or_default();
-    let side = side.max((high - low).max_element() / MOST_CELLS).max(f32::MIN_POSITIVE);
+    let side = side.max((high - low).max_element() / MAX_CELLS).max(f32::MIN_POSITIVE);
     let number = |p: &Vec3| {
         let UVec3 { x, y, z } = ((*p - low) / side).as_uvec3();
         u64::from(x) << 42 | u64::from(y) << 21 | u64::from(z)

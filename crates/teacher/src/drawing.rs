@@ -124,20 +124,20 @@ impl Teacher {
     }
 }
 
-/// Most pictures that are compared, and their longer side, px.
-const MOST_PICTURES: usize = 48;
+/// Maximum number of pictures that are compared, and their longer side, px.
+const MAX_PICTURES: usize = 48;
 /// Every sixth of them tells by its border whether there is a background: most scenes have none.
 const BORDER_EVERY: usize = 6;
 const SIDE: u32 = 240;
 /// A pixel shows the background when no channel differs more.
 const TOLERANCE: f32 = 4.0 / 255.0;
-/// Least share of the pixels at the borders that show the background: objects reach over some.
-const LEAST_UNIFORM: f64 = 0.9;
-/// Least cover of a pixel whose triangles show the colour of the background.
-const LEAST_COVER: f32 = 0.1;
+/// Minimum share of the pixels at the borders that show the background: objects reach over some.
+const MIN_UNIFORM: f64 = 0.9;
+/// Minimum cover of a pixel whose triangles show the colour of the background.
+const MIN_COVER: f32 = 0.1;
 /// A triangle belongs to the object when at least this share of what cameras see of it shows the
 /// object.
-const LEAST_OBJECT: f32 = 0.5;
+const MIN_OBJECT: f32 = 0.5;
 
 /// What is behind the object of a scene.
 #[derive(Debug, Clone, PartialEq)]
@@ -153,7 +153,7 @@ impl Background {
     /// `None` where the borders of the pictures have no common colour, as in a scene that fills
     /// them.
     pub fn of(soup: &Soup, cameras: &[Camera], given: Option<[f32; 3]>) -> Option<Self> {
-        let chosen = evenly_spaced(cameras.len(), MOST_PICTURES);
+        let chosen = evenly_spaced(cameras.len(), MAX_PICTURES);
         let cameras: Vec<Camera> = chosen.map(|i| cameras[i].within(SIDE)).collect();
         let drawn: Vec<usize> = (0..soup.len()).filter(|i| is_drawn(&soup.vertices[*i])).collect();
         let part = soup.picked(&drawn);
@@ -198,7 +198,7 @@ fn border(soup: &Soup, cameras: &[Camera]) -> Vec<([f32; 3], f32)> {
 /// The colour that nearly all border pixels show when it is behind them, if there is one;
 /// `Some(None)` for any colour, because no triangle at the border has that of a background.
 fn background(pixels: &[([f32; 3], f32)]) -> Option<Option<[f32; 3]>> {
-    let covered = || pixels.iter().filter(|(_, cover)| *cover > LEAST_COVER);
+    let covered = || pixels.iter().filter(|(_, cover)| *cover > MIN_COVER);
     let middle = [0, 1, 2].map(|c| {
         let channel = covered().map(|(rgb, cover)| rgb[c] / cover).collect();
         median(channel, f32::total_cmp).unwrap_or(0.0)
@@ -214,7 +214,7 @@ fn background(pixels: &[([f32; 3], f32)]) -> Option<Option<[f32; 3]>> {
     });
     let (showing, all, behind) =
         candidates.into_iter().max_by_key(|(showing, all, _)| (*showing, *all))?;
-    let is_uniform = !pixels.is_empty() && all as f64 >= LEAST_UNIFORM * pixels.len() as f64;
+    let is_uniform = !pixels.is_empty() && all as f64 >= MIN_UNIFORM * pixels.len() as f64;
     is_uniform.then_some((showing > 0).then_some(behind))
 }
 
@@ -229,7 +229,7 @@ fn objects(soup: &Soup, cameras: &[Camera], rgb: [f32; 3]) -> Vec<bool> {
     let first = whole.shares(cameras, &shows);
     // A part of the object in the colour of the background hides what is behind it: without it,
     // pictures change.
-    let kept: Vec<usize> = (0..soup.len()).filter(|i| first[*i] >= LEAST_OBJECT).collect();
+    let kept: Vec<usize> = (0..soup.len()).filter(|i| first[*i] >= MIN_OBJECT).collect();
     let mut without = Teacher::new(soup.picked(&kept), cameras, &options);
     for ((camera, picture), shows) in cameras.iter().zip(&pictures).zip(&mut shows) {
         let pixels = without.frame(camera).rgb.iter().zip(picture);
@@ -238,7 +238,7 @@ fn objects(soup: &Soup, cameras: &[Camera], rgb: [f32; 3]) -> Vec<bool> {
             .zip(pixels)
             .for_each(|(shows, (now, before))| *shows = shows.max(differ(now, before).into()));
     }
-    whole.shares(cameras, &shows).into_iter().map(|share| share >= LEAST_OBJECT).collect()
+    whole.shares(cameras, &shows).into_iter().map(|share| share >= MIN_OBJECT).collect()
 }
 
 /// True when two colours can be told apart.

@@ -10,16 +10,16 @@ use trisplat_scene::math::lists::evenly_spaced;
 use trisplat_scene::{Soup, Splats};
 
 /// A viewpoint sees a Gaussian that contributes this much to its picture, px.
-const LEAST_SEEN_PX: f32 = 0.5;
+const MIN_SEEN_PX: f32 = 0.5;
 /// One viewpoint in this many must see a Gaussian that becomes a triangle, ...
 const SEEN_BY_ONE_IN: usize = 50;
 /// ... and at least this many, unless there are fewer.
-const LEAST_VIEWPOINTS: usize = 2;
+const MIN_VIEWPOINTS: usize = 2;
 
 /// A pixel covered to this share of 255 is covered.
 const CLOSED: u8 = 240;
 
-/// Least covered share of the pictures of surroundings.
+/// Minimum covered share of the pictures of surroundings.
 const SURROUNDED: f32 = 0.9;
 /// Small pictures that tell, and their longer side, px.
 const LOOKS: usize = 12;
@@ -64,7 +64,7 @@ impl<'a> GaussianTeacher<'a> {
         self.pictures += 1;
         for ((sum, seen), weight) in self.sums.iter_mut().zip(&mut self.seen).zip(&self.weights) {
             *sum += weight;
-            *seen += u32::from(*weight >= LEAST_SEEN_PX);
+            *seen += u32::from(*weight >= MIN_SEEN_PX);
         }
         if self.is_surrounded {
             self.count(
@@ -99,7 +99,7 @@ impl<'a> GaussianTeacher<'a> {
     /// opacity times visible area, over all viewpoints. Gaussians that very few viewpoints see
     /// float in front of one of them, and are left out.
     pub fn first_triangles(&self, most: usize) -> Soup {
-        let least = (self.pictures / SEEN_BY_ONE_IN).max(LEAST_VIEWPOINTS.min(self.pictures));
+        let least = (self.pictures / SEEN_BY_ONE_IN).max(MIN_VIEWPOINTS.min(self.pictures));
         let mut chosen: Vec<usize> =
             (0..self.splats.len()).filter(|i| self.seen[*i] as usize >= least).collect();
         chosen.sort_by(|a, b| self.sums[*b].total_cmp(&self.sums[*a]).then(a.cmp(b)));

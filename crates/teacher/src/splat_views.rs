@@ -21,8 +21,8 @@ use trisplat_scene::{Rng, Splats, sh0_from_rgb};
 const AWAY: [f32; 2] = [1.8, 3.0];
 /// Share of the Gaussians on each side of an axis that may lie outside.
 const OUTSIDE: f32 = 0.005;
-/// Least opacity of a Gaussian that tells where the object is.
-const LEAST_OPACITY: f32 = 0.1;
+/// Minimum opacity of a Gaussian that tells where the object is.
+const MIN_OPACITY: f32 = 0.1;
 /// How far a lone Gaussian is seen, in standard deviations.
 const REACH: f32 = 3.0;
 /// Width and height of the pictures that tell what is seen, px.
@@ -31,8 +31,8 @@ const WIDE_SIDE: u32 = 160;
 const CUT_OFF: f32 = 5e-4;
 /// What is left around it, as a share of the longer side.
 const MARGIN: f32 = 0.03;
-/// Least visible share of a picture.
-const LEAST_SHOWN: f32 = 1e-4;
+/// Minimum visible share of a picture.
+const MIN_SHOWN: f32 = 1e-4;
 
 /// `count` cameras spread over all sides of `splats`, with pictures of `longer_px` that show all of
 /// it; fewer where nothing is seen.
@@ -53,7 +53,7 @@ pub(super) fn around(splats: &Splats, up: Vec3, count: usize, longer_px: u32) ->
 /// The middle of nearly all visible Gaussians, and the radius of a ball around it that holds them;
 /// `None` without any.
 fn extent(splats: &Splats) -> Option<(Vec3, f32)> {
-    let visible = || (0..splats.len()).filter(|i| splats.opacity[*i] >= LEAST_OPACITY);
+    let visible = || (0..splats.len()).filter(|i| splats.opacity[*i] >= MIN_OPACITY);
     let places: Vec<Vec3> = visible().map(|i| splats.positions[i]).collect();
     let last = places.len().checked_sub(1)?;
     let outside = (last as f32 * OUTSIDE) as usize;
@@ -81,7 +81,7 @@ fn filled(wide: &Camera, transmittance: &[f32], longer_px: u32) -> Option<Camera
         (0..side).map(|x| (0..side).map(|y| cover(y * side + x)).sum()).collect();
     let rows: Vec<f32> = (0..side).map(|y| (0..side).map(|x| cover(y * side + x)).sum()).collect();
     let seen: f32 = rows.iter().sum();
-    if !(seen >= LEAST_SHOWN * transmittance.len() as f32) {
+    if !(seen >= MIN_SHOWN * transmittance.len() as f32) {
         return None;
     }
     let least = CUT_OFF * seen;
@@ -114,8 +114,8 @@ fn ahead<'a>(sums: impl Iterator<Item = &'a f32>, least: f32) -> f32 {
 const FOV: f32 = 50.0;
 /// Width and height of the pictures that are judged, px.
 const SIDE: u32 = 32;
-/// Most Gaussians in these pictures.
-const MOST: usize = 100_000;
+/// Maximum number of Gaussians in these pictures.
+const MAX_SAMPLES: usize = 100_000;
 /// Places that are tried, and the best of them, which are improved.
 const TRIED: usize = 600;
 const IMPROVED: usize = 160;
@@ -134,17 +134,17 @@ const WORST: f32 = 16.0;
 /// trained on.
 const USUAL_PX: f32 = 4.0;
 /// Limits of the width and height of the pictures, px.
-const LEAST_SIDE: f32 = 256.0;
-const MOST_SIDE: f32 = 1600.0;
+const MIN_SIDE: f32 = 256.0;
+const MAX_SIDE: f32 = 1600.0;
 /// What is farther from the middle than this many times the radius of nearly everything is behind
 /// an object, not part of it.
 const BEHIND: f32 = 1.1;
-/// Least share of the corners of pictures from around that it covers in surroundings.
+/// Minimum share of the corners of pictures from around that it covers in surroundings.
 const CORNERS: f32 = 0.3;
-/// Least covered share of a pixel that is measured.
-const LEAST_COVER: f32 = 0.1;
-/// Least spread of depths, in logarithms.
-const LEAST_SPREAD: f32 = 1e-3;
+/// Minimum covered share of a pixel that is measured.
+const MIN_COVER: f32 = 0.1;
+/// Minimum spread of depths, in logarithms.
+const MIN_SPREAD: f32 = 1e-3;
 
 /// A place to look from.
 #[derive(Debug, Clone, Copy)]
@@ -192,7 +192,7 @@ pub(super) fn places(splats: &Splats, unit: f32, up: Vec3) -> Vec<Camera> {
     let sizes = places.iter().map(|place| place.size).collect();
     let focal = USUAL_PX / median(sizes, f32::total_cmp).unwrap_or(1.0);
     let side = 2.0 * focal * (FOV.to_radians() / 2.0).tan();
-    let side = UVec2::splat(side.clamp(LEAST_SIDE, MOST_SIDE) as u32);
+    let side = UVec2::splat(side.clamp(MIN_SIDE, MAX_SIDE) as u32);
     places.iter().map(|place| place.camera.resized(side)).collect()
 }
 
@@ -205,11 +205,11 @@ struct Judge {
 
 /// Added to logarithms, so that no colour is negative.
 const OFFSET: f32 = 24.0;
-const LEAST_LENGTH: f32 = 1e-9;
+const MIN_LENGTH: f32 = 1e-9;
 
 impl Judge {
     fn new(splats: &Splats) -> Self {
-        let chosen: Vec<usize> = evenly_spaced(splats.len(), MOST).collect();
+        let chosen: Vec<usize> = evenly_spaced(splats.len(), MAX_SAMPLES).collect();
         let grown = (splats.len() as f32 / chosen.len().max(1) as f32).sqrt();
         let splats = colourless(splats, &chosen, grown);
         Self { options: GaussianOptions::suited_to(&splats, [0.0; 3]), splats }
@@ -228,7 +228,7 @@ impl Judge {
             let depth = (camera.rotation * self.splats.positions[i] + camera.translation).z;
             let mut scales = self.splats.scales[i].to_array();
             scales.sort_by(f32::total_cmp);
-            let code = |length: f32| length.max(LEAST_LENGTH).ln() + OFFSET;
+            let code = |length: f32| length.max(MIN_LENGTH).ln() + OFFSET;
             let (depth, size) = (code(depth), code(scales[1] / depth));
             self.splats.sh[i] = [depth, depth * depth, size].map(sh0_from_rgb);
         }
@@ -239,7 +239,7 @@ impl Judge {
         for (through, [depth, squared, own_size]) in frame.transmittance.iter().zip(&frame.rgb) {
             let cover = 1.0 - through;
             covered += cover;
-            if cover > LEAST_COVER {
+            if cover > MIN_COVER {
                 let mean = depth / cover;
                 let mean_squared = squared / cover;
                 spread += cover * (mean_squared - mean * mean).max(0.0).sqrt();
@@ -250,7 +250,7 @@ impl Judge {
             return (0.0, f32::MAX);
         }
         let size = size / covered;
-        let spread = (spread / covered).max(LEAST_SPREAD);
+        let spread = (spread / covered).max(MIN_SPREAD);
         (size.exp(), size + spread.ln() + OPEN * (1.0 - covered / frame.rgb.len() as f32))
     }
 }

@@ -9,13 +9,13 @@ use trisplat_scene::math::geometry::along_curve;
 /// Width and height of the survey's pictures, px.
 const SIDE: u32 = 32;
 /// Largest soup that is not thinned.
-const MOST_TRIANGLES: usize = 20_000;
-/// Most triangles whose middles are tested for visibility.
-const MOST_MIDDLES: usize = 8000;
+const MAX_TRIANGLES: usize = 20_000;
+/// Maximum number of triangles whose middles are tested for visibility.
+const MAX_MIDDLES: usize = 8000;
 /// A triangle is hidden if it is this many times farther than the surface in front of it.
 const BEHIND: f32 = 1.1;
-/// Least coverage of a pixel with a depth.
-const LEAST_COVER: f32 = 0.1;
+/// Minimum coverage of a pixel with a depth.
+const MIN_COVER: f32 = 0.1;
 /// Near plane in units of the scene.
 const NEAR: f32 = 0.01;
 
@@ -42,8 +42,8 @@ impl Survey {
         soup.truncate_sh(0);
         let along = Along::of(&soup);
         Self {
-            middles: along.middles(MOST_MIDDLES),
-            soup: along.thinned(&soup, MOST_TRIANGLES),
+            middles: along.middles(MAX_MIDDLES),
+            soup: along.thinned(&soup, MAX_TRIANGLES),
             soft: SoftRasterizer::new(),
         }
     }
@@ -84,7 +84,7 @@ impl Survey {
         for (transmittance, depth) in frame.transmittance.iter().zip(&frame.depth) {
             let cover = 1.0 - transmittance;
             covered += cover;
-            if cover > LEAST_COVER && depth / cover < clearance {
+            if cover > MIN_COVER && depth / cover < clearance {
                 crowded += cover;
             }
         }

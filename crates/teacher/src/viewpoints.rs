@@ -91,21 +91,21 @@ const INSIDE_RADII: [f32; 4] = [0.0, 0.6, 1.2, 2.0];
 const INSIDE_DIRECTIONS: usize = 12;
 /// Viewing directions of an inner viewpoint.
 const LOOKS: usize = 10;
-/// Least distance of a viewpoint from other surfaces, in units of the scene, ...
+/// Minimum distance of a viewpoint from other surfaces, in units of the scene, ...
 const CLEARANCE: f32 = 0.25;
 /// ... except for this share of its picture.
-const MOST_CROWDED: f32 = 0.1;
+const MAX_CLOSE_SHARE: f32 = 0.1;
 /// Share of the triangles that may be nearer.
-const MOST_NEAR: f32 = 1e-3;
-/// Least covered share of a picture from within.
-const LEAST_COVERED: f32 = 0.9;
-/// Least covered share of a picture from around.
-const LEAST_SHOWN: f32 = 0.02;
+const MAX_NEARER_SHARE: f32 = 1e-3;
+/// Minimum covered share of a picture from within.
+const MIN_COVERED: f32 = 0.9;
+/// Minimum covered share of a picture from around.
+const MIN_COVERED_AROUND: f32 = 0.02;
 /// Views from within must see this many times more triangles than those from around, because the
 /// surface of an object is visible from both of its sides.
 const MORE_INSIDE: f32 = 1.2;
-/// Least number of views from within.
-const LEAST_INSIDE: usize = 8;
+/// Minimum number of views from within.
+const MIN_VIEWS_INSIDE: usize = 8;
 /// The quantile of distances from the middle that the rings show.
 const IN_VIEW: f32 = 0.95;
 
@@ -174,7 +174,7 @@ impl Search {
     fn viewpoints(self, count: usize) -> Option<Viewpoints> {
         let Self { mut survey, unit, up, any_side } = self;
         let around = good_views(&mut survey, around(unit.reach, up, any_side), |sight| {
-            sight.covered >= LEAST_SHOWN && sight.crowded <= MOST_CROWDED
+            sight.covered >= MIN_COVERED_AROUND && sight.crowded <= MAX_CLOSE_SHARE
         });
         let mut inside = Vec::new();
         for eye in free_eyes(survey.middles()) {
@@ -182,8 +182,8 @@ impl Search {
                 (0..LOOKS).map(|i| camera(eye, eye + direction(i, LOOKS), up, INSIDE_FOV, SIDE));
             let mut surrounded = 0;
             let views = good_views(&mut survey, looks.collect(), |sight| {
-                surrounded += usize::from(sight.covered >= LEAST_COVERED);
-                sight.covered >= LEAST_COVERED && sight.crowded <= MOST_CROWDED
+                surrounded += usize::from(sight.covered >= MIN_COVERED);
+                sight.covered >= MIN_COVERED && sight.crowded <= MAX_CLOSE_SHARE
             });
             // A viewpoint behind a wall sees nothing else.
             if 2 * surrounded > LOOKS {
@@ -191,7 +191,7 @@ impl Search {
             }
         }
         let surrounded =
-            inside.len() >= LEAST_INSIDE && union(&inside) > MORE_INSIDE * union(&around);
+            inside.len() >= MIN_VIEWS_INSIDE && union(&inside) > MORE_INSIDE * union(&around);
         let views = if surrounded { inside } else { around };
         let cameras: Vec<Camera> =
             most_telling(views, count).iter().map(|c| unit.to_scene(c)).collect();
@@ -281,7 +281,7 @@ fn free_eyes(middles: &[Vec3]) -> Vec<Vec3> {
     let free = |eye: &Vec3| {
         let near =
             middles.iter().filter(|m| m.distance_squared(*eye) < CLEARANCE * CLEARANCE).count();
-        (near as f32) < MOST_NEAR * middles.len() as f32
+        (near as f32) < MAX_NEARER_SHARE * middles.len() as f32
     };
     let eyes = INSIDE_RADII.iter().flat_map(|&radius| {
         let count = if radius == 0.0 { 1 } else { INSIDE_DIRECTIONS };

@@ -30,7 +30,7 @@ const DECODE_SECS: f64 = 10e-9;
 const EVALUATE_SECS: f64 = 0.3e-6;
 /// Triangles per step, by the least error at equal cost (docs/benchmarks/history.md).
 const TRIANGLES_PER_STEP: f64 = 14.0;
-/// Least pixels of the training photos per triangle: more triangles overfit the photos.
+/// Minimum pixels of the training photos per triangle: more triangles overfit the photos.
 const PIXELS_PER_TRIANGLE: f64 = 80.0;
 /// Fewer steps than this are worth smaller photos, unless a run has its own number.
 const ENOUGH_STEPS: u64 = 1000;
@@ -38,12 +38,12 @@ const ENOUGH_STEPS: u64 = 1000;
 const SMALLEST_PHOTO: u32 = 320;
 /// Fewer steps do not give a usable scene.
 const FEWEST_STEPS: u64 = 60;
-/// Least triangles, unless the scene begins with more, and most.
+/// Minimum triangles, unless the scene begins with more, and most.
 const TRIANGLES: [f64; 2] = [1e3, 1e6];
 /// Share of the first part after which its steps are measured: before, the scene grows.
 const GROWN: f64 = 0.9;
-/// Most remaining steps, as a multiple of the planned ones.
-const MOST_STRETCH: f64 = 10.0;
+/// Maximum remaining steps, as a multiple of the planned ones.
+const MAX_STRETCH: f64 = 10.0;
 
 /// Limits of a run with any budget.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -65,7 +65,7 @@ impl Default for StepLimit {
 pub struct Plan {
     /// Steps.
     pub steps: u64,
-    /// Most triangles.
+    /// Maximum number of triangles.
     pub max_triangles: u64,
     /// The longer side of the photos, px; null: unchanged.
     pub max_size: Option<u32>,
@@ -222,7 +222,7 @@ impl<'a> PlanInput<'a> {
         (options, secs * self.speed + self.beside_secs(photo)[0])
     }
 
-    /// The most triangles of a run of `steps`.
+    /// Maximum number of triangles of a run of `steps`.
     fn triangles(&self, photo: UVec2, steps: u64) -> u64 {
         if self.triangles_given {
             return self.options.max_triangles;
@@ -371,7 +371,7 @@ impl Pace {
         let most = self
             .most_steps
             .map_or(f64::INFINITY, |most| to_do(most) / to_do(options.steps).max(1.0));
-        let stretch = (left / rest.max(1e-9)).clamp(0.0, most.min(MOST_STRETCH));
+        let stretch = (left / rest.max(1e-9)).clamp(0.0, most.min(MAX_STRETCH));
         let corrected = stretched(options, part, stretch);
         self.began_secs = spent_secs;
         self.corrections.push(Correction { step, spent_secs, steps: corrected.steps });

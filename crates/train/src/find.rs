@@ -22,12 +22,12 @@ const SAME_FOUND: f32 = 0.02;
 const DEPTHS: u32 = 48;
 /// The nearest of them, as a share of the distance at which a photo looks.
 const NEAREST: f32 = 0.25;
-/// Least correlation of a depth that is adjusted.
+/// Minimum correlation of a depth that is adjusted.
 const FIRST_MATCH: f32 = 0.7;
 /// Cells of all photos in a search.
 const SEARCHED_CELLS: u64 = 60_000;
 /// Fewer points per photo say nothing about the scene.
-const LEAST_PER_PHOTO: usize = 10;
+const MIN_PER_PHOTO: usize = 10;
 
 /// Fills in the points and tracks of a data set of photos without points; a warning says where too
 /// few are found. `photo_bytes` is the memory for photos.
@@ -46,7 +46,7 @@ pub fn find_points(dataset: &mut Dataset, photo_bytes: u64) -> Result<()> {
     let mut photos = Pyramid::new(&views, photo_bytes, MIN_PX);
     let found = search(&greys(&mut photos, 0, &cameras, SIZE)?, looking_distance(&views));
     let some = found.len();
-    if some < LEAST_PER_PHOTO * cameras.len() {
+    if some < MIN_PER_PHOTO * cameras.len() {
         let reason = "training starts from a random cloud in front of the cameras";
         dataset
             .warnings

@@ -16,30 +16,30 @@ use trisplat_scene::image::RgbImage;
 /// Offsets of a patch's samples, px: every second one of 7 by 7.
 const REACH: i32 = 3;
 const SAMPLES: usize = 25;
-/// Least deviation of the greys of a patch, in [0, 1].
-const LEAST_DEVIATION: f32 = 0.012;
+/// Minimum deviation of the greys of a patch, in [0, 1].
+const MIN_DEVIATION: f32 = 0.012;
 /// Difference of greys at which a sample counts less than its middle by the factor e^-0.5.
 const SAME_GREY: f32 = 0.12;
-/// Least correlation of a match.
-const LEAST_MATCH: f32 = 0.8;
+/// Minimum correlation of a match.
+const MIN_MATCH: f32 = 0.8;
 /// Photos that a patch is compared with.
 const OTHERS: usize = 4;
 /// Best angle between two photos that show a point, radians: 10 degrees.
 const BEST_ANGLE: f32 = 0.17;
 /// Trials of a cell.
-const MOST_TRIALS: u8 = 3;
+const MAX_TRIALS: u8 = 3;
 /// Depths of one surface in two photos differ by less, as a share.
 const SAME_DEPTH: f32 = 0.007;
 /// Photos that agree on a point.
-const LEAST_PHOTOS: usize = 3;
+const MIN_PHOTOS: usize = 3;
 /// Cosine of the flattest angle at which a plane is seen.
 const FLATTEST: f32 = 0.25;
 /// Changes of depth that are tried, as shares, one after the other.
 const DEPTH_CHANGES: [f32; 2] = [0.01, 0.004];
 /// Change of tilt that is tried.
 const TILT: f32 = 0.25;
-/// Least side of a cell, px.
-const LEAST_CELL: u32 = 3;
+/// Minimum side of a cell, px.
+const MIN_CELL: u32 = 3;
 /// Cells of all photos per triangle of the scene: about a tenth become points.
 const CELLS: u64 = 4;
 
@@ -280,7 +280,7 @@ impl<'a> Growth<'a> {
             let cells = self.cells;
             for next in cells.around(cell) {
                 let better = self.planes[next as usize].is_none_or(|there| there.score < score);
-                if !better || trials[next as usize] == MOST_TRIALS {
+                if !better || trials[next as usize] == MAX_TRIALS {
                     continue;
                 }
                 trials[next as usize] += 1;
@@ -300,7 +300,7 @@ impl<'a> Growth<'a> {
         let Some(patch) = self.patch(at) else { return };
         let found = self.adjusted(at, plane, &patch);
         let best = self.planes[cell as usize].is_none_or(|there| there.score < found.score);
-        if found.score > LEAST_MATCH && best {
+        if found.score > MIN_MATCH && best {
             self.planes[cell as usize] = Some(found);
             self.queue.push((found.score.to_bits(), Reverse(cell)));
         }
@@ -320,7 +320,7 @@ impl<'a> Growth<'a> {
         let deviation =
             greys.iter().zip(&weights).map(|(d, weight)| weight * d * d).sum::<f32>().sqrt();
         let products = std::array::from_fn(|i| weights[i] * greys[i] / deviation);
-        (deviation > LEAST_DEVIATION).then_some(Patch { weights, products })
+        (deviation > MIN_DEVIATION).then_some(Patch { weights, products })
     }
 
     /// The best of a plane and its changes.
@@ -418,7 +418,7 @@ pub(super) fn spread(
     let count = |side: u32| {
         photos.iter().map(|photo| Cells::new(&photo.camera, side).len() as u64).sum::<u64>()
     };
-    let side = (LEAST_CELL..).find(|side| count(*side) <= most).unwrap_or(u32::MAX);
+    let side = (MIN_CELL..).find(|side| count(*side) <= most).unwrap_or(u32::MAX);
     let of_photo = |own: usize| {
         let mut growth = Growth::new(photos, own, &others[own], side);
         begin(&mut growth, own);
@@ -484,7 +484,7 @@ fn agreed(
             };
             let shown: Vec<(usize, u32)> =
                 (0..photos.len()).filter(|other| *other != own).filter_map(same).collect();
-            if shown.len() + 1 < LEAST_PHOTOS {
+            if shown.len() + 1 < MIN_PHOTOS {
                 continue;
             }
             shown.iter().for_each(|&(other, cell)| used[other][cell as usize] = true);
@@ -541,7 +541,7 @@ mod tests {
         let right = grown.iter().filter(|point| error(point) < 0.01).count();
         assert!(right as f64 > 0.97 * grown.len() as f64, "{right} of {}", grown.len());
         for GrownPoint { point, photos } in &grown {
-            assert!(photos.len() >= LEAST_PHOTOS && photos.is_sorted());
+            assert!(photos.len() >= MIN_PHOTOS && photos.is_sorted());
             assert!(point.normal.z < -0.5, "{point:?}");
         }
     }

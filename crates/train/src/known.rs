@@ -20,9 +20,9 @@ use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{RayTree, Result, Rng, SceneNormalization, sh0_from_rgb};
 
 /// Largest reprojection error of a point that is known, px.
-const MOST_ERROR: f32 = 2.0;
+const MAX_ERROR: f32 = 2.0;
 /// Fewest photos of a point that is known, and of a triangle that blocks points.
-const LEAST_PHOTOS: u32 = 2;
+const MIN_PHOTOS: u32 = 2;
 /// Depths that differ by more are of different surfaces, as a share.
 const SAME_SURFACE: f32 = 0.02;
 /// A triangle that is off its points by less, as a share of the depth, moves ...
@@ -30,13 +30,13 @@ const NEARLY_RIGHT: f32 = 0.03;
 /// ... by this share of it at a time: training moves it too.
 const PULL: f32 = 0.5;
 /// Largest deviation of the photos' colours at a point that is filled, root mean square in [0, 1].
-const MOST_SPREAD: f32 = 0.03;
+const MAX_SPREAD: f32 = 0.03;
 /// Longest side of the photos that points grow in, px.
 const GROWN_SIZE: f64 = 480.0;
-/// Most pixels of all these photos together.
+/// Maximum number of pixels of all these photos together.
 const GROWN_PIXELS: f64 = 32e6;
-/// Most rays to a point.
-const MOST_RAYS: usize = 4;
+/// Maximum number of rays to a point.
+const MAX_RAYS: usize = 4;
 /// Neighbours of a point that give its plane.
 const NEIGHBOURS: usize = 8;
 /// Those that give its gap.
@@ -45,7 +45,7 @@ const GAP_NEIGHBOURS: usize = 3;
 /// open.
 const RADIUS: f32 = 1.6;
 /// Largest radius, px of the nearest photo.
-const MOST_RADIUS_PX: f32 = 6.5;
+const MAX_RADIUS_PX: f32 = 6.5;
 /// Opacity's logit and σ's logarithm of a new triangle: solid.
 const SOLID_RAW: [f32; 2] = [6.0, -3.0];
 
@@ -122,7 +122,7 @@ impl KnownDepth {
         cameras: &[Camera],
     ) -> Vec<Seed> {
         let is_usable = |(i, point): &(usize, &Point)| {
-            !Dataset::judges_depth(*i) && point.error.is_none_or(|error| error <= MOST_ERROR)
+            !Dataset::judges_depth(*i) && point.error.is_none_or(|error| error <= MAX_ERROR)
         };
         let mut numbers = vec![None; dataset.points.len()];
         let mut seeds = Vec::new();
@@ -142,7 +142,7 @@ impl KnownDepth {
         }
         let mut photos = vec![0; self.points.len()];
         seeds.iter().for_each(|seed| photos[seed.point as usize] += 1);
-        let is_known = |seed: &&Seed| photos[seed.point as usize] >= LEAST_PHOTOS;
+        let is_known = |seed: &&Seed| photos[seed.point as usize] >= MIN_PHOTOS;
         self.rays.extend(seeds.iter().filter(is_known).map(|seed| (seed.photo, seed.point)));
         seeds
     }
@@ -172,7 +172,7 @@ impl KnownDepth {
                 }
             }
             (
-                (RADIUS * gap).min(MOST_RADIUS_PX * pixels[i]),
+                (RADIUS * gap).min(MAX_RADIUS_PX * pixels[i]),
                 normal.normalize_or(self.points[i].normal),
             )
         });
@@ -238,7 +238,7 @@ impl KnownDepth {
         self.rays.retain(|&(_, point)| {
             let (i, count) = &mut counts[point as usize];
             *i += 1;
-            is_among(*i - 1, MOST_RAYS, *count)
+            is_among(*i - 1, MAX_RAYS, *count)
         });
     }
 
@@ -292,7 +292,7 @@ impl KnownDepth {
             }
         }
         let blocks = |(face, views): (&Blocked, &u32)| {
-            face.photos >= LEAST_PHOTOS && face.rays > face.right && 2 * face.photos >= *views
+            face.photos >= MIN_PHOTOS && face.rays > face.right && 2 * face.photos >= *views
         };
         found.iter().zip(views).map(blocks).collect()
     }
@@ -324,9 +324,8 @@ impl KnownDepth {
             through[point as usize] +=
                 if seen.is_none_or(|(_, error)| error > SAME_SURFACE) { 1 } else { -1 };
         }
-        let is_hole = |&point: &u32| {
-            through[point as usize] > 0 && self.spread[point as usize] <= MOST_SPREAD
-        };
+        let is_hole =
+            |&point: &u32| through[point as usize] > 0 && self.spread[point as usize] <= MAX_SPREAD;
         (0..through.len() as u32).filter(is_hole).collect()
     }
 
@@ -488,7 +487,7 @@ mod tests {
         known.points.iter_mut().for_each(|point| point.normal = Vec3::new(0.8, 0.0, -0.6));
         known.radius.clear();
         known.lay_in_surfaces(&[camera; 3]);
-        let most = MOST_RADIUS_PX * 2.1 / camera.focal.x;
+        let most = MAX_RADIUS_PX * 2.1 / camera.focal.x;
         for (point, radius) in known.points.iter().zip(&known.radius) {
             assert!(point.normal.dot(Vec3::NEG_Z) > 0.999, "{point:?}");
             assert!(*radius > 0.1 && *radius < most, "{radius}");

@@ -60,7 +60,7 @@ pub struct TrainOptions {
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = TrainOptions::default().steps))]
     #[schemars(range(min = 1, max = 1_000_000_000))]
     pub steps: u64,
-    /// Most triangles of the scene.
+    /// Maximum number of triangles of the scene.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = TrainOptions::default().max_triangles))]
     #[schemars(range(min = 1, max = 1_000_000_000))]
     pub max_triangles: u64,
@@ -372,8 +372,8 @@ mod tests {
     use super::*;
     use serde_json::Value;
 
-    /// The most options of a training, by their keys.
-    const MOST_KEYS: usize = 30;
+    /// Maximum number of options of a training, by their keys.
+    const MAX_KEYS: usize = 30;
 
     fn keys(value: &Value) -> usize {
         value.as_object().map_or(1, |group| group.values().map(keys).sum())
@@ -382,6 +382,6 @@ mod tests {
     #[test]
     fn a_training_has_few_keys() {
         let value = serde_json::to_value(TrainOptions::default()).unwrap();
-        assert!(keys(&value) <= MOST_KEYS, "{} keys: {value:#}", keys(&value));
+        assert!(keys(&value) <= MAX_KEYS, "{} keys: {value:#}", keys(&value));
     }
 }

@@ -244,7 +244,7 @@ pub struct Core {
     pub low: [Option<f32>; 3],
     /// Highest coordinates, exclusive; `None`: unbounded.
     pub high: [Option<f32>; 3],
-    /// Most triangles with their middle in the box.
+    /// Maximum number of triangles with their middle in the box.
     pub triangles: u64,
 }
 

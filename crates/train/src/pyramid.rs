@@ -6,7 +6,7 @@ use trisplat_dataset::{Photos, PictureFile, StoredPicture, View};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::{Result, Rng};
 
-/// Least shorter side of the smaller photos of early steps, px.
+/// Minimum shorter side of the smaller photos of early steps, px.
 pub(crate) const MIN_PX: u32 = 64;
 
 /// Photos by index and level. Small ones stay in memory, or in a temporary file, while their level

@@ -12,16 +12,16 @@ use super::visibility::VisibilityStats;
 const FULL: f64 = 0.9;
 /// Largest share of an overfull scene that goes at once, so that the others close the gaps before
 /// more go.
-const MOST_CUT: f64 = 0.1;
+const MAX_CUT: f64 = 0.1;
 
 /// The room that a densification makes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Relocation {
     /// Share of the triangles to remove.
     pub(super) share: f64,
-    /// Most triangles that a densification adds, as a share of the present ones.
+    /// Maximum number of triangles that a densification adds, as a share of the present ones.
     pub(super) growth: f64,
-    /// The most triangles that are trained.
+    /// Maximum number of triangles that are trained.
     pub(super) max_triangles: usize,
 }
 
@@ -38,7 +38,7 @@ pub(super) fn make_room(
     if (count as f64) < FULL * room.max_triangles as f64 {
         return 0;
     }
-    let kept = count.min(room.max_triangles.max((count as f64 * (1.0 - MOST_CUT)) as usize));
+    let kept = count.min(room.max_triangles.max((count as f64 * (1.0 - MAX_CUT)) as usize));
     let moves = (kept as f64 * room.share.min(room.growth / (1.0 + room.growth))) as usize;
     // Triangles younger than the statistics were not drawn for all photos.
     let candidates = (pinned..alive.len()).filter(|&i| alive[i] && !visibility.exempt[i]);

@@ -18,14 +18,14 @@ use trisplat_scene::math::geometry::{centroid, face_count, octasphere};
 use trisplat_scene::math::lists::median;
 use trisplat_scene::{Result, SceneNormalization, Soup, sh0_from_rgb};
 
-/// Least triangles of a run for each triangle of its shell.
+/// Minimum triangles of a run for each triangle of its shell.
 const PER_SHELL_TRIANGLE: u64 = 10;
 /// Photos are used at a quarter of their size, because single pixels are noisy.
 const LEVEL: u32 = 2;
 /// Cosine of the half angle of a cone whose points give the scene's extent in a direction: 20
 /// degrees.
 const CONE: f32 = 0.94;
-/// Least points in such a cone.
+/// Minimum points in such a cone.
 const CONE_POINTS: usize = 4;
 /// This share of the points in a cone is in front of the shell.
 const INSIDE: f32 = 0.95;

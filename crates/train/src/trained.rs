@@ -61,7 +61,7 @@ pub struct TrainDetails {
     pub stopped: bool,
     /// CPU seconds of the training, evaluations excluded.
     pub cpu_secs: f64,
-    /// The most memory the process has held, bytes.
+    /// Maximum memory the process has held, bytes.
     pub peak_bytes: u64,
     /// Gradients dropped because they were not finite.
     pub dropped_gradients: u64,

@@ -17,7 +17,7 @@ use wgpu::*;
 pub struct FrameParams {
     /// The camera, at the size of the picture.
     pub camera: Camera,
-    /// Least depth that is drawn, world units.
+    /// Minimum depth that is drawn, world units.
     pub near: f32,
     /// sRGB-encoded background colour.
     pub background: [f32; 3],

@@ -6,14 +6,14 @@ use trisplat_raster::solid::Visibility;
 use trisplat_scene::image::RgbImage;
 
 /// A pixel with less coverage counts as background.
-const LEAST_COVERAGE: f32 = 0.05;
+const MIN_COVERAGE: f32 = 0.05;
 
 /// Expected depth, near bright and far dark, stretched over the middle 98% of the picture's inverse
 /// depths; black for background. The frame must have been drawn with geometry.
 pub fn depth(frame: &Frame) -> RgbImage {
     let inverse = |i: usize| {
         let coverage = 1.0 - frame.transmittance[i];
-        (coverage > LEAST_COVERAGE && frame.depth[i] > 0.0).then(|| coverage / frame.depth[i])
+        (coverage > MIN_COVERAGE && frame.depth[i] > 0.0).then(|| coverage / frame.depth[i])
     };
     let mut seen: Vec<f32> = (0..frame.depth.len()).filter_map(inverse).collect();
     seen.sort_by(f32::total_cmp);
@@ -34,7 +34,7 @@ pub fn normal(frame: &Frame) -> RgbImage {
     picture(frame, |i| {
         let [x, y, z] = frame.normal[i];
         let length = (x * x + y * y + z * z).sqrt();
-        let seen = length > 0.0 && 1.0 - frame.transmittance[i] > LEAST_COVERAGE;
+        let seen = length > 0.0 && 1.0 - frame.transmittance[i] > MIN_COVERAGE;
         // The camera's axes are x right, y down, z forward.
         if seen { [x, -y, -z].map(|c| 0.5 + 0.5 * c / length) } else { [0.0; 3] }
     })

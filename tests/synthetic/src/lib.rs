@@ -51,9 +51,9 @@ impl Default for SyntheticOptions {
     }
 }
 
-/// Most photos in a point's track.
+/// Maximum number of photos in a point's track.
 const LONGEST_TRACK: usize = 6;
-/// Least photos of a point, as in real reconstructions.
+/// Minimum photos of a point, as in real reconstructions.
 const SHORTEST_TRACK: usize = 3;
 /// Colour difference within a pixel that counts as an edge.
 const EDGE: f64 = 0.1;

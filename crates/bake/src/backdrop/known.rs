@@ -12,7 +12,7 @@ use trisplat_scene::{Result, parallel};
 
 /// Pixels with less than this weight, of 255, are not taken: masked, or with gaps in a drawn
 /// picture.
-const LEAST_ALPHA: u8 = 230;
+const MIN_ALPHA: u8 = 230;
 /// Photos agree when no channel is farther than this from the median, codes.
 const AGREE: i32 = 80;
 /// Weight of each photo that agrees, against the pull of a neighbouring texel.
@@ -204,7 +204,7 @@ impl VisiblePhoto<'_> {
         for x in 0..width {
             let pixel = (y * width + x) as usize;
             let face = self.face[pixel];
-            let masked = self.photo.alpha.as_ref().is_some_and(|alpha| alpha[pixel] < LEAST_ALPHA);
+            let masked = self.photo.alpha.as_ref().is_some_and(|alpha| alpha[pixel] < MIN_ALPHA);
             if face == NO_FACE || (face as usize) < self.behind || masked {
                 continue;
             }
@@ -240,13 +240,13 @@ impl VisiblePhoto<'_> {
 /// Rounds at each size.
 const ROUNDS: usize = 16;
 /// Rows of the coarsest picture.
-const LEAST_ROWS: usize = 8;
+const MIN_ROWS: usize = 8;
 
 /// The whole picture, sRGB-encoded, 0 to 255. `known` has twice as many columns as rows, a power of
 /// two. `[H * W]`
 pub(super) fn fill(known: KnownColors) -> Vec<[f32; 3]> {
     let mut sizes = vec![known];
-    while let Some(finest) = sizes.last().filter(|known| known.rows > LEAST_ROWS) {
+    while let Some(finest) = sizes.last().filter(|known| known.rows > MIN_ROWS) {
         sizes.push(finest.halved());
     }
     let mut filled: Option<Vec<[f32; 3]>> = None;

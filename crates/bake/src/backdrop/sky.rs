@@ -5,7 +5,7 @@
 //! Without photos or pictures of a soft scene it has the shell's colours, blurred.
 
 use super::known::{KnownColors, fill};
-use super::surface::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR, direction, place, surface};
+use super::surface::{MAX_SUBDIVISIONS, MIN_COVERED, RADIUS_FACTOR, direction, place, surface};
 use crate::views::Views;
 use crate::weld::place_bits;
 use glam::{Mat3, UVec2, Vec2, Vec3};
@@ -24,7 +24,7 @@ use trisplat_scene::{Asset, Placement, Result};
 const OF_SPHERE: u32 = 4;
 /// Texels per pixel of the photos: what stands behind a scene is out of focus.
 const TEXELS_PER_PIXEL: f64 = 0.5;
-/// Fewest and most rows of the picture.
+/// Minimum and maximum rows of the picture.
 const ROWS: [u32; 2] = [256, 1024];
 /// How far a shell's own colours are blurred where no picture looks, in heights of the picture: so
 /// far that its facets do not show.
@@ -48,7 +48,7 @@ impl Sky {
         cameras: &[Camera],
     ) -> Result<Self> {
         Ok(Self(match (shell, views.filter(|views| !views.is_empty())) {
-            (None, Some(views)) if views.covered() < LEAST_COVERED => None,
+            (None, Some(views)) if views.covered() < MIN_COVERED => None,
             (shell, Some(views)) => Some(photographed(mesh, shell, views)?),
             (Some(shell), None) => Some(blurred(shell, cameras)),
             (None, None) => None,
@@ -100,7 +100,7 @@ fn filled(known: KnownColors) -> RgbImage {
 /// Subdivisions of an octahedron for at most as many triangles as the shell.
 fn subdivisions(shell: Option<&Mesh>) -> u32 {
     let fits = |shell: &Mesh| {
-        (1..=MOST_SUBDIVISIONS).rev().find(|s| face_count(*s) <= shell.face_count() as u64)
+        (1..=MAX_SUBDIVISIONS).rev().find(|s| face_count(*s) <= shell.face_count() as u64)
     };
     shell.map_or(OF_SPHERE, |shell| fits(shell).unwrap_or(1))
 }
@@ -220,7 +220,7 @@ fn mixed(picture: &RgbImage, corners: [(u32, u32); 4], part: Vec2) -> [u8; 3] {
 // ---- One closed surface in place of a shell of shards -------------------------------------------
 
 /// Shells of more triangles show more detail than the surface would.
-const MOST_FACES: usize = 8192;
+const MAX_FACES: usize = 8192;
 /// Rows of the picture of the shell for each face around the surface.
 const ROWS_PER_FACE: u32 = 4;
 
@@ -229,7 +229,7 @@ const ROWS_PER_FACE: u32 = 4;
 pub(crate) fn is_scattered(shell: &Mesh) -> bool {
     let places: HashSet<[u32; 3]> =
         shell.positions.iter().map(|place| place_bits(*place)).collect();
-    shell.face_count() <= MOST_FACES && places.len() > shell.face_count()
+    shell.face_count() <= MAX_FACES && places.len() > shell.face_count()
 }
 
 /// A surface around `center` where `shell` is, but nowhere nearer than `least`, in the colours that
@@ -237,7 +237,7 @@ pub(crate) fn is_scattered(shell: &Mesh) -> bool {
 /// anything.
 pub(crate) fn closed(shell: &Mesh, center: Vec3, least: f32, most: u64) -> Option<Mesh> {
     let enough = |s: &u32| face_count(*s) >= shell.face_count() as u64;
-    let enough = (2..MOST_SUBDIVISIONS).find(enough).unwrap_or(MOST_SUBDIVISIONS);
+    let enough = (2..MAX_SUBDIVISIONS).find(enough).unwrap_or(MAX_SUBDIVISIONS);
     let subdivisions = (1..=enough).rev().find(|s| face_count(*s) <= most)?;
     let picture = panorama(shell, center, ROWS_PER_FACE << subdivisions);
     let (mut mesh, _) = surface(center, subdivisions, Some(shell), least);

@@ -21,8 +21,8 @@ use trisplat_scene::{Scene, UpAxis};
 
 /// Longest side of a triangle that is looked at, in radii: larger ones are walls.
 const LONGEST: f32 = 1.0;
-/// Most pictures by which is seen what hides what, ...
-const MOST_PICTURES: usize = 48;
+/// Maximum number of pictures by which is seen what hides what, ...
+const MAX_PICTURES: usize = 48;
 /// ... their longer side, px, ...
 const SIDE: u32 = 320;
 /// ... and their near plane, in radii.
@@ -38,19 +38,19 @@ const ENDS: f32 = 0.9;
 /// ... and within this one on the ground, is whole.
 const ENDS_ACROSS: f32 = 0.75;
 /// What is smaller, in radii, is a part of the subject.
-const LEAST_SIZE: f32 = 0.25;
+const MIN_SIZE: f32 = 0.25;
 /// The lowest layer with at least this share of the largest is the support.
 const COMPARABLE: f32 = 0.5;
 /// A support ends where a layer has less than this share of its area ...
 const FADES: f32 = 0.25;
 /// ... and has at most this number of layers on each side.
-const MOST_LAYERS: usize = 6;
+const MAX_LAYERS: usize = 6;
 /// Thickness of the support, in radii.
 const LAYER: f32 = 0.06;
 /// The support is below this height above the middle, in radii ...
 const SUPPORT_BELOW: f32 = 0.3;
 /// ... and has at least this share of the area.
-const LEAST_SUPPORT: f32 = 0.1;
+const MIN_SUPPORT_AREA: f32 = 0.1;
 /// Cells by which connected parts are found, per radius.
 const CELLS: f32 = 14.0;
 /// The object is the part with most area within this many radii of the middle.
@@ -149,7 +149,7 @@ fn seen(mesh: &Mesh, cameras: &[Camera], ball: Subject) -> Vec<f32> {
     let mut areas = vec![0.0; mesh.face_count()];
     let mut solid = SolidRasterizer::new();
     let options = SolidRasterOptions { near: NEAR * ball.radius, ..SolidRasterOptions::default() };
-    for camera in cameras.iter().step_by(cameras.len().div_ceil(MOST_PICTURES).max(1)) {
+    for camera in cameras.iter().step_by(cameras.len().div_ceil(MAX_PICTURES).max(1)) {
         let camera = camera.within(SIDE);
         let drawn = solid.visibility(mesh, &camera, &options);
         for (face, depth) in
@@ -222,7 +222,7 @@ impl Standing {
     fn is_whole(&self) -> bool {
         let outline = &self.outline;
         let ends = outline.far() < ENDS_ACROSS * REACH && outline.top < ENDS * REACH;
-        ends && outline.radius() > LEAST_SIZE && outline.is_central()
+        ends && outline.radius() > MIN_SIZE && outline.is_central()
     }
 }
 
@@ -261,10 +261,10 @@ fn support(pieces: &[Piece]) -> Option<Support> {
     let is_thick =
         |at: f32| between(height + at - LAYER / 2.0, height + at + LAYER / 2.0) > FADES * area;
     let end = |way: f32| {
-        let layers = (1..MOST_LAYERS).map(|i| way * i as f32 * LAYER);
+        let layers = (1..MAX_LAYERS).map(|i| way * i as f32 * LAYER);
         layers.take_while(|at| is_thick(*at)).last().unwrap_or(0.0) + way * LAYER
     };
-    (area > LEAST_SUPPORT * all).then(|| Support {
+    (area > MIN_SUPPORT_AREA * all).then(|| Support {
         height,
         low: height + end(-1.0),
         high: height + end(1.0),

@@ -74,9 +74,9 @@ const RINGS: usize = 20;
 /// A ring is whole when this share of it is covered.
 const WHOLE: f32 = 0.95;
 /// A soup's support ends where less than this share of it is there ...
-const MOST_OF_IT: f32 = 0.75;
+const MIN_SUPPORT_SHARE: f32 = 0.75;
 /// ... and is left out where that is nearer than this share of the outline: it looks like crumbs.
-const LEAST_EDGE: f32 = 0.5;
+const MIN_EDGE_DISTANCE: f32 = 0.5;
 /// Number of cells along the radius of the ground disc.
 const CELLS_OF_SUPPORT: usize = 40;
 
@@ -151,13 +151,13 @@ impl SubjectVolume {
         let mut sums = [0.0, 0.0];
         let is_there = self.rings(pieces).map(|ring| {
             sums = [0, 1].map(|i| sums[i] + ring[i]);
-            sums[0] >= MOST_OF_IT * sums[1]
+            sums[0] >= MIN_SUPPORT_SHARE * sums[1]
         });
         let edge = is_there
             .iter()
             .rposition(|is| *is)
             .map_or(0.0, |ring| (ring + 1) as f32 / RINGS as f32);
-        if edge < LEAST_EDGE { 0.0 } else { edge }
+        if edge < MIN_EDGE_DISTANCE { 0.0 } else { edge }
     }
 
     /// How many cells of each ring around the middle `pieces` cover, and of how many.

@@ -22,7 +22,7 @@ const LONGEST_SIDE: u32 = 960;
 /// A picture is halved while it has this many pixels per face: fewer lose up to 0.1 dB, more gain
 /// nothing (commit 751a9c64).
 const PX_PER_FACE: f64 = 6.0;
-/// Least of their longest side, px.
+/// Minimum of their longest side, px.
 const SHORTEST_SIDE: u32 = 32;
 /// The random sequence of the groups. It determines the output, so it keeps its old name.
 const GROUPING: &str = "thin";
@@ -31,9 +31,9 @@ const HOLE_ERROR: f32 = 0.75;
 /// A face's mean effect per sample is estimated with this many additional samples of average
 /// effect.
 const PRIOR_SAMPLES: f64 = 2.0;
-/// Most memory for pictures of the whole scene, bytes; pictures that do not fit are drawn again
+/// Maximum memory for pictures of the whole scene, bytes; pictures that do not fit are drawn again
 /// every round.
-const MOST_TARGET_BYTES: usize = 256 << 20;
+const MAX_TARGET_BYTES: usize = 256 << 20;
 
 /// The whole scene, and how it is rendered.
 pub(super) struct Comparison<'a> {
@@ -231,7 +231,7 @@ impl<'a> Comparison<'a> {
     /// Keeps the result of [`Self::take_targets`] for the next round, if it fits in memory.
     fn put_targets(&mut self, view: usize, faces: Vec<u32>) {
         let kept: usize = self.targets.iter().flatten().map(|faces| size_of_val(&faces[..])).sum();
-        if kept + size_of_val(&faces[..]) <= MOST_TARGET_BYTES {
+        if kept + size_of_val(&faces[..]) <= MAX_TARGET_BYTES {
             self.targets[view] = Some(faces);
         }
     }

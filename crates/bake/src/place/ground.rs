@@ -10,11 +10,11 @@ use trisplat_scene::mesh::Mesh;
 const LAYER: f64 = 0.02;
 /// The ground is the lowest layer with at least this share of the largest layer's area. A floor
 /// beside a larger table counts, stray triangles below it do not.
-const LEAST_OF_LARGEST: f64 = 0.25;
+const MIN_SHARE_OF_LARGEST: f64 = 0.25;
 /// Most of a subject's area that lies below what it stands on: a few triangles are astray.
-const MOST_BELOW: f64 = 0.02;
+const MAX_AREA_BELOW: f64 = 0.02;
 /// A floor is above its lower end by less than this share of its height.
-const MOST_ABOVE: f64 = 0.05;
+const MAX_HEIGHT_ABOVE_FLOOR: f64 = 0.05;
 
 /// The height along `up` of a scene's floor, its lowest large layer of triangles. `None` for a
 /// scene without extent.
@@ -27,7 +27,7 @@ pub(crate) fn ground(scene: Foreground, cameras: &[Camera], up: DVec3) -> Option
     let layers = layers(&heights, LAYER * region.radius);
     let largest = layers.iter().map(|layer| layer.area).fold(0.0, f64::max);
     // The first large enough layer begins below the floor; the floor is the largest layer near it.
-    let first = layers.iter().position(|layer| layer.area >= LEAST_OF_LARGEST * largest)?;
+    let first = layers.iter().position(|layer| layer.area >= MIN_SHARE_OF_LARGEST * largest)?;
     let end = layers[first].height + 2.0 * LAYER * region.radius;
     let near = layers[first..].iter().take_while(|layer| layer.height <= end);
     near.max_by(|a, b| a.area.total_cmp(&b.area)).map(|layer| layer.height)
@@ -41,12 +41,12 @@ pub(crate) fn under(scene: Foreground, ground: Option<f64>, up: DVec3) -> Option
     heights.sort_by(|a, b| a.0.total_cmp(&b.0));
     let first = heights.first()?.0;
     let last = heights.last()?.0;
-    let mut left = MOST_BELOW * heights.iter().map(|one| one.1).sum::<f64>();
+    let mut left = MAX_AREA_BELOW * heights.iter().map(|one| one.1).sum::<f64>();
     let lowest = heights.iter().find_map(|(height, area)| {
         left -= area;
         (left <= 0.0).then_some(*height)
     })?;
-    let near = ground.filter(|ground| ground - lowest < MOST_ABOVE * (last - first));
+    let near = ground.filter(|ground| ground - lowest < MAX_HEIGHT_ABOVE_FLOOR * (last - first));
     Some(near.unwrap_or(lowest))
 }
 
@@ -78,15 +78,15 @@ fn layers(heights: &[(f64, f64)], thickness: f64) -> Vec<Layer> {
 
 // ---- Samples around the middle of a scene, for finding surfaces there ---------------------------
 
-/// Most triangles that are sampled.
-const MOST: usize = 20_000;
+/// Maximum number of triangles that are sampled.
+const MAX_SAMPLES: usize = 20_000;
 /// Radius of the region around the middle, in median distances of the cameras.
 const REACH: f64 = 2.0;
 /// Share of the triangles in the region of a scene without cameras.
-const MOST_OF_IT: f64 = 0.9;
+const REGION_SHARE: f64 = 0.9;
 /// Largest side of a triangle that counts, as a share of the region's radius, so that a few huge
 /// triangles are no floor.
-const MOST_SIDE: f64 = 0.05;
+const MAX_SIDE: f64 = 0.05;
 
 /// The middle of a scene.
 #[derive(Debug, Clone, Copy)]
@@ -141,7 +141,7 @@ pub(crate) fn region(scene: Foreground, cameras: &[Camera]) -> Option<Region> {
             let mut away: Vec<f64> =
                 vertices.iter().map(|v| v.as_dvec3().distance(center)).collect();
             away.sort_by(f64::total_cmp);
-            away.get((MOST_OF_IT * away.len() as f64) as usize).map(|most| most / REACH)
+            away.get((REGION_SHARE * away.len() as f64) as usize).map(|most| most / REACH)
         }
         false => {
             let away = cameras.iter().map(|c| c.position().as_dvec3().distance(center)).collect();
@@ -161,7 +161,7 @@ pub(crate) fn points(points: &[Vec3], region: &Region) -> Vec<Sample> {
 
 /// Triangles of a scene in the region, evenly chosen, with their areas up to a limit.
 pub(crate) fn faces(scene: Foreground, region: &Region) -> Vec<Sample> {
-    let most = (MOST_SIDE * region.radius).powi(2);
+    let most = (MAX_SIDE * region.radius).powi(2);
     let sample = |face: usize| {
         let [a, b, c] = scene.mesh.corners(face).map(|v| v.as_dvec3());
         let position = (a + b + c) / 3.0;
@@ -184,7 +184,7 @@ pub(crate) fn lowest_corners(scene: Foreground, up: DVec3) -> Vec<(f64, f64)> {
 }
 
 fn step(count: usize) -> usize {
-    count.div_ceil(MOST).max(1)
+    count.div_ceil(MAX_SAMPLES).max(1)
 }
 
 #[cfg(test)]

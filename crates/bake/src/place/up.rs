@@ -13,14 +13,14 @@ use trisplat_scene::math::lists::median;
 /// Number of directions tried before the best is refined.
 const TRIES: u64 = 512;
 /// Larger tilts of a row (sine) count as this one, because some pictures are taken upright.
-const MOST_TILT: f64 = 0.34;
+const MAX_TILT: f64 = 0.34;
 /// Passes of the refinement.
 const PASSES: usize = 12;
 /// Below this spread, the variance of level directions across each other, cameras leave one
 /// direction open.
-const LEAST_SPREAD: f64 = 1e-3;
+const MIN_SPREAD: f64 = 1e-3;
 /// The same holds above this ratio of tilt to spread (tangent of 15°).
-const MOST_SLACK: f64 = 0.27;
+const MAX_TILT_PER_SPREAD: f64 = 0.27;
 /// Above this median tilt, degrees, cameras were held at random.
 const RANDOM_TILT: f64 = 20.0;
 /// Below this median tilt, degrees, cameras alone are trusted.
@@ -29,7 +29,7 @@ const STEADY_TILT: f64 = 8.0;
 const WIDEST_CONE: f64 = 20.0;
 /// Largest angle between a wall and the cameras that look at it, degrees.
 const WIDEST_VIEW: f64 = 60.0;
-/// Least limit of that angle, degrees.
+/// Minimum limit of that angle, degrees.
 const NARROWEST_CONE: f64 = 5.0;
 /// Thickness of a surface as a share of the distance of the cameras.
 const THICKNESS: f64 = 0.01;
@@ -42,7 +42,7 @@ const CLEAR_OF_FACES: f64 = 0.15;
 /// cameras.
 const CLEAR_WIDTH: f64 = 0.05;
 /// Number of samples that compare surfaces.
-const MOST_COMPARED: usize = 4000;
+const MAX_COMPARED_SAMPLES: usize = 4000;
 
 /// How far an estimate of the up axis can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -155,7 +155,7 @@ fn from_level(cameras: &[Camera], level: usize) -> Option<CameraUp> {
         up = spread[0].1;
     }
     let [least, middle, _] = spread.map(|(value, _)| value.max(0.0));
-    let open = middle < LEAST_SPREAD || least > MOST_SLACK * MOST_SLACK * middle;
+    let open = middle < MIN_SPREAD || least > MAX_TILT_PER_SPREAD * MAX_TILT_PER_SPREAD * middle;
     if open {
         // Of the directions at right angles to the rows, the one nearest to the columns.
         up = mean_up.reject_from_normalized(spread[2].1).normalize_or(up);
@@ -181,7 +181,7 @@ fn first_guess(rights: &[DVec3], mean_up: DVec3) -> (DVec3, [(f64, DVec3); 3]) {
         (across.length() > 0.1).then(|| across.normalize())
     };
     let known = [Some(spread[0].1), (mean_up != DVec3::ZERO).then_some(mean_up)];
-    let tilt = |up: &DVec3| rights.iter().map(|r| r.dot(*up).abs().min(MOST_TILT)).sum::<f64>();
+    let tilt = |up: &DVec3| rights.iter().map(|r| r.dot(*up).abs().min(MAX_TILT)).sum::<f64>();
     let best = known.into_iter().chain((0..TRIES).map(pair)).flatten().map(|up| (tilt(&up), up));
     let best = best.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(spread[0].1, |(_, up)| up);
     (best, spread)
@@ -225,8 +225,11 @@ fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<S
     let near = |s: &Sample, point: DVec3, normal: DVec3| {
         (s.position - point).dot(normal).abs() < thickness
     };
-    let few: Vec<Sample> =
-        samples.iter().step_by(samples.len().div_ceil(MOST_COMPARED).max(1)).copied().collect();
+    let few: Vec<Sample> = samples
+        .iter()
+        .step_by(samples.len().div_ceil(MAX_COMPARED_SAMPLES).max(1))
+        .copied()
+        .collect();
     let supported = |(point, normal): (DVec3, DVec3)| {
         few.iter().filter(|s| near(s, point, normal)).map(|s| s.weight).sum::<f64>()
     };

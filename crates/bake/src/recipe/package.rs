@@ -107,7 +107,7 @@ impl Recipe<'_> {
 /// Photos that a level of detail is evaluated on.
 const EVALUATION_VIEWS: usize = 12;
 /// Texels per pixel that a level has at least.
-const LEAST_DENSITY: f64 = 0.05;
+const MIN_DENSITY: f64 = 0.05;
 
 /// How often the texture of a scene is halved for a level with this share of its triangles: it is
 /// seen from farther away.
@@ -137,7 +137,7 @@ impl Recipe<'_> {
             // large in a picture.
             let share = level.face_count() as f64 / faces as f64;
             own.texture.texels_per_pixel =
-                (own.texture.texels_per_pixel * share.sqrt()).max(LEAST_DENSITY);
+                (own.texture.texels_per_pixel * share.sqrt()).max(MIN_DENSITY);
             let mut observer = progress.inner();
             let of_level = Recipe::new(&own, &mut unread, &mut observer);
             let excerpt = source.mesh.texture.as_ref().map(|_| halvings(share));

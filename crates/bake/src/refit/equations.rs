@@ -6,16 +6,16 @@ use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};
 
 /// Larger residuals, sRGB-encoded, count linearly (Huber): reflections and passers-by.
-pub(super) const MOST_RESIDUAL: f32 = 0.15;
-/// Mean residual of a channel at 0, in [`MOST_RESIDUAL`], from which the colour is wrong and not
+pub(super) const MAX_RESIDUAL: f32 = 0.15;
+/// Mean residual of a channel at 0, in [`MAX_RESIDUAL`], from which the colour is wrong and not
 /// the photos: most of them are that far from it. A training may have clamped it there.
 const WRONG: f32 = 0.75;
 /// Weight of the present colours, in pixels (damping).
 const DAMPING_PX: f32 = 0.25;
 /// A smaller area is a rounding error of photos that were subtracted again, px.
-const LEAST_PX: f32 = 1e-3;
+const MIN_PX: f32 = 1e-3;
 /// On fewer pixels a channel at 0 stays.
-const LEAST_REVIVED_PX: f32 = 1.0;
+const MIN_REVIVED_PX: f32 = 1.0;
 /// Faces per task of the thread pool.
 const TASK_FACES: usize = 1 << 12;
 
@@ -26,7 +26,7 @@ pub(super) struct Equations {
     matrix: [f32; 6],
     /// Σ b_k times the residual of the sample. `[corner][channel]`
     right: [[f32; 3]; 3],
-    /// Σ of the parts of residuals beyond [`MOST_RESIDUAL`], px.
+    /// Σ of the parts of residuals beyond [`MAX_RESIDUAL`], px.
     beyond: [f32; 3],
 }
 
@@ -105,13 +105,13 @@ impl Equations {
         let area = self.area();
         let mean = (corners[0] + corners[1] + corners[2]) / 3.0;
         let sum = self.right[0][channel] + self.right[1][channel] + self.right[2][channel];
-        if corners == [0.0; 3] && sum > WRONG * MOST_RESIDUAL * area.max(LEAST_PX) {
+        if corners == [0.0; 3] && sum > WRONG * MAX_RESIDUAL * area.max(MIN_PX) {
             return [(sum + self.beyond[channel]) / (area.max(0.0) + DAMPING_PX); 3];
         }
         if which != RefitColors::Corner {
             return [mean + sum / (area.max(0.0) + DAMPING_PX); 3];
         }
-        if !(area > LEAST_PX) {
+        if !(area > MIN_PX) {
             return corners;
         }
         let right = [0, 1, 2].map(|k| self.right[k][channel] + flatness * (mean - corners[k]));
@@ -193,7 +193,7 @@ impl Fit {
 
     /// Number of triangles that photos see.
     pub(super) fn fitted(&self) -> usize {
-        self.sums.iter().filter(|s| s.area() > LEAST_PX).count()
+        self.sums.iter().filter(|s| s.area() > MIN_PX).count()
     }
 
     /// Starts again from better colours, with empty sums.
@@ -228,13 +228,13 @@ impl Fit {
     pub(super) fn revive(&self, mesh: &mut Mesh, behind: usize) -> u64 {
         let mut revived = 0;
         for (face, sums) in self.sums[..behind].iter().enumerate() {
-            if sums.area() < LEAST_REVIVED_PX {
+            if sums.area() < MIN_REVIVED_PX {
                 continue;
             }
             let corners = &self.encoded[face];
             let fitted = sums.colors(RefitColors::Flat, corners, self.flatness)[0];
             let is_back = |c: usize| {
-                fitted[c] > MOST_RESIDUAL && corners.iter().all(|corner| corner[c] == 0.0)
+                fitted[c] > MAX_RESIDUAL && corners.iter().all(|corner| corner[c] == 0.0)
             };
             let back = [0, 1, 2].map(is_back);
             let colors = match &mut mesh.colors {

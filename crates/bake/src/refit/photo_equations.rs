@@ -1,6 +1,6 @@
 //! The equations of one photo for every triangle that it sees.
 
-use super::equations::{Equations, Fit, MOST_RESIDUAL};
+use super::equations::{Equations, Fit, MAX_RESIDUAL};
 use crate::views::{SAMPLES, Views};
 use trisplat_raster::solid::{
     Barycentrics, FaceBarycentrics, NO_FACE, SolidRasterOptions, SolidRasterizer, Visibility,
@@ -15,8 +15,8 @@ use trisplat_scene::{Result, parallel};
 /// Bands of rows that are summed in parallel. Fixed, so that sums do not depend on the number of
 /// threads.
 const BANDS: usize = 8;
-/// Most samples of a pixel.
-const MOST_SAMPLES: usize = 16;
+/// Maximum number of samples of a pixel.
+const MAX_SAMPLES: usize = 16;
 /// The slot of a face without sums.
 const NO_SLOT: u32 = u32::MAX;
 
@@ -148,7 +148,7 @@ impl<'a> Pass<'a> {
             }
             return;
         }
-        let mut seen: [PixelSample; MOST_SAMPLES] = [(NO_SLOT, [0.0; 3]); MOST_SAMPLES];
+        let mut seen: [PixelSample; MAX_SAMPLES] = [(NO_SLOT, [0.0; 3]); MAX_SAMPLES];
         for i in 0..n * n {
             let sx = x * n + i % n;
             let sy = y * n + i / n;
@@ -168,7 +168,7 @@ impl<'a> Pass<'a> {
 
     /// Adds to the sums of the faces seen at a pixel's samples.
     fn spread(&mut self, seen: &[PixelSample], photo: [u8; 3], weight: f32) {
-        let mut colors = [[0.0f32; 3]; MOST_SAMPLES];
+        let mut colors = [[0.0f32; 3]; MAX_SAMPLES];
         let mut mean = [0.0f32; 3];
         for (color, (slot, weights)) in colors.iter_mut().zip(seen) {
             *color = match *slot {
@@ -222,7 +222,7 @@ fn residual(photo: [u8; 3], linear: [f32; 3]) -> [f32; 3] {
 /// what the bounds leave out.
 #[inline(always)]
 fn coupled(pixel: [f32; 3], own: [f32; 3], coupling: f32) -> ([f32; 3], [f32; 3]) {
-    let bounded = |error: f32| error.clamp(-MOST_RESIDUAL, MOST_RESIDUAL);
+    let bounded = |error: f32| error.clamp(-MAX_RESIDUAL, MAX_RESIDUAL);
     let mut residual = [0.0; 3];
     let mut beyond = [0.0; 3];
     for c in 0..3 {

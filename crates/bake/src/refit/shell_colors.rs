@@ -28,7 +28,7 @@ const DAMPING_PX: f64 = 1e-3;
 /// Weight of a triangle's own colour without photos, in pixels: enough to keep its mean, too little
 /// to keep its edges.
 const TRUSTED_PX: f64 = 300.0;
-/// Most steps of conjugate gradients; the residual falls to a thousandth long before.
+/// Maximum number of steps of conjugate gradients; the residual falls to a thousandth long before.
 const STEPS: usize = 400;
 const RESIDUAL: f64 = 1e-4;
 

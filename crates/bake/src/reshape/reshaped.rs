@@ -9,7 +9,7 @@ use trisplat_scene::mesh::{Colors, Mesh};
 
 /// Weight of a face's own colour, in samples.
 const PRIOR_SAMPLES: f64 = 2.0;
-/// Least samples of a face before it is cut, so that each half shows some.
+/// Minimum samples of a face before it is cut, so that each half shows some.
 const CUT_SAMPLES: f64 = 8.0;
 
 /// Unconnected triangles, one colour each. The shell only gets colours, so it stays closed.

@@ -203,9 +203,9 @@ const USUAL_ROUNDS: u32 = 16;
 const FEWEST_ROUNDS: u32 = 4;
 /// Its multiples, less their whole part, never come close to an earlier one.
 const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
-/// Most triangles and samples drawn per round, on average. With a quarter, scenes of 360,000
+/// Maximum number of triangles and samples drawn per round, on average. With a quarter, scenes of 360,000
 /// triangles were fitted to too few pictures to gain anything.
-const MOST_DRAWN: u64 = 50_000_000;
+const MAX_DRAWN_PER_ROUND: u64 = 50_000_000;
 /// Triangles are cut once per this many rounds, ...
 const CUT_EVERY: u32 = 3;
 /// ... but only within this first share of the rounds, because the halves must still move.
@@ -233,9 +233,9 @@ impl Effort {
         let pixels = (cameras.iter().map(pixels).sum::<u64>() / views.max(1)).max(1);
         // Every face twice, as it is and moved.
         let per_view = 2 * faces + pixels;
-        let pictures = (MOST_DRAWN / per_view).clamp(FEWEST_VIEWS, ROUND_VIEWS).min(views);
-        let affordable =
-            MOST_DRAWN * u64::from(rounds.max(USUAL_ROUNDS)) / (pictures.max(1) * per_view);
+        let pictures = (MAX_DRAWN_PER_ROUND / per_view).clamp(FEWEST_VIEWS, ROUND_VIEWS).min(views);
+        let affordable = MAX_DRAWN_PER_ROUND * u64::from(rounds.max(USUAL_ROUNDS))
+            / (pictures.max(1) * per_view);
         let affordable = u32::try_from(affordable).unwrap_or(u32::MAX).max(FEWEST_ROUNDS);
         Self { rounds: affordable.min(rounds), pictures: pictures as usize, side }
     }

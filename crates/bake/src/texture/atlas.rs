@@ -25,8 +25,8 @@ use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Error, Result};
 
-/// Most texels along an edge.
-const MOST: u32 = 1024;
+/// Maximum number of texels along an edge.
+const MAX_SIDE: u32 = 1024;
 /// Free texels around every triangle with more than one, so that the next mip level does not bleed
 /// either; an even number keeps its texels whole.
 const GUTTER: u32 = 2;
@@ -59,7 +59,7 @@ impl Patch {
         let second = edges[(longest + 1) % 3];
         let whole = |px: f32| match f64::from(px) * texels_per_pixel {
             ..1.0 => 1,
-            texels => sizes_up(texels.ceil().min(f64::from(MOST)) as u32 + 1),
+            texels => sizes_up(texels.ceil().min(f64::from(MAX_SIDE)) as u32 + 1),
         };
         let along = whole(first);
         let across = whole(second);

@@ -25,7 +25,7 @@ const SEAM: f32 = 0.4;
 const OTHER: f32 = 48.0;
 /// The brightness gradient that every pixel has at least, codes: of even surfaces the largest
 /// picture is the best one.
-const LEAST_GRADIENT: u64 = 2;
+const MIN_GRADIENT: u64 = 2;
 /// Rounds of belief propagation.
 const ROUNDS: usize = 12;
 /// No photo.
@@ -76,7 +76,7 @@ impl Candidates {
             let color = rgb.map(|sum| sum as f32 / pixels as f32);
             let found = Candidate {
                 view: view as u32,
-                quality: (gradient + LEAST_GRADIENT * pixels) as f32,
+                quality: (gradient + MIN_GRADIENT * pixels) as f32,
                 color,
             };
             let at = candidates

@@ -4,7 +4,7 @@
 use super::grid::CostCell;
 
 /// Less than this is no difference, dB.
-const LEAST_DB: f64 = 0.01;
+const MIN_DB: f64 = 0.01;
 
 /// Recommends the cheapest of `cells` that cannot be told from the closest; `None` without any.
 pub(super) fn advice(cells: &[CostCell], watched: usize) -> Option<String> {
@@ -18,7 +18,7 @@ pub(super) fn advice(cells: &[CostCell], watched: usize) -> Option<String> {
 
 /// Two means that differ by less may be of one setting, dB.
 fn difference_band(cell: &CostCell) -> f64 {
-    cell.psnr_band.map_or(0.0, |band| band * std::f64::consts::SQRT_2).max(LEAST_DB)
+    cell.psnr_band.map_or(0.0, |band| band * std::f64::consts::SQRT_2).max(MIN_DB)
 }
 
 /// What twice the seconds of the `best` cell should give, dB: gains of doublings are taken to

@@ -9,14 +9,14 @@ const STEPS: (u64, u64) = (250, 1 << 24);
 /// First number of triangles, and the end; there are two numbers per decade.
 const TRIANGLES: (u64, u64) = (3000, 30_000_000);
 /// More triangles are tried while they gain as much at the end of the row, dB.
-const LEAST_GAIN: f64 = 0.05;
+const MIN_GAIN: f64 = 0.05;
 
 /// The steps and triangles to try, both ascending.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Grid {
     pub(super) steps: Vec<u64>,
     pub(super) triangles: Vec<u64>,
-    /// Most CPU seconds of a training.
+    /// Maximum CPU seconds of a training.
     pub(super) budget: f64,
 }
 
@@ -75,7 +75,7 @@ impl Grid {
                 cells[before..].iter().map(|cell| cell.psnr).fold(f64::NEG_INFINITY, f64::max);
             // A row that nothing fits in, or that gains nothing, is the last: larger ones gain less
             // in this time.
-            if !(row > best + LEAST_GAIN) {
+            if !(row > best + MIN_GAIN) {
                 break;
             }
             best = row;

@@ -31,7 +31,7 @@ pub(crate) struct CostArgs {
     /// Steps to try, ascending [default: 250, 500, 1000, and so on].
     #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = clap::value_parser!(u64).range(8..=1_000_000_000))]
     steps: Vec<u64>,
-    /// Most triangles to try, ascending [default: 3000, 10000, 30000, and so on].
+    /// Maximum number of triangles to try, ascending [default: 3000, 10000, 30000, and so on].
     #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = clap::value_parser!(u64).range(8..=1_000_000_000))]
     max_triangles: Vec<u64>,
     /// Trainings of each, with seeds 0, 1, 2, and so on; one alone has no band of confidence.

@@ -50,7 +50,7 @@ pub(super) fn half_steps(mesh: &Mesh, encoding: PositionEncoding, path: &Path) -
 }
 
 /// Cases of more triangles are not compared: each is looked for among all.
-const MOST: usize = 256;
+const MAX_FACES: usize = 256;
 /// A triangle is there when its corners are as near as this, in last places of the largest
 /// coordinate: it was moved to an origin and back.
 const LAST_PLACES: f64 = 4.0;
@@ -63,7 +63,7 @@ pub(super) fn lost(scene: &StressScene) -> f64 {
     let (mesh, _) = scene.solid();
     let there: Vec<[Vec3; 3]> =
         (0..mesh.face_count()).map(|face| mesh.corners(face)).filter(can_be_drawn).collect();
-    if there.is_empty() || mesh.face_count() > MOST {
+    if there.is_empty() || mesh.face_count() > MAX_FACES {
         return 0.0;
     }
     let reaches = mesh.positions.iter().all(|p| p.abs().max_element() <= REACH);

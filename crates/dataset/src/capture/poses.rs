@@ -19,8 +19,8 @@ const MODEL_FILES: [&str; 5] = ["cameras", "images", "points3D", "rigs", "frames
 /// What features are found in; it becomes the database when all are found.
 const UNFINISHED: [&str; 4] =
     ["features.db", "features.db-shm", "features.db-wal", "features.db-journal"];
-/// Most photos that are compared exhaustively if there is another way.
-const MOST_EXHAUSTIVE: usize = 150;
+/// Maximum number of photos that are compared exhaustively if there is another way.
+const MAX_EXHAUSTIVE_PHOTOS: usize = 150;
 /// Number of following frames that a frame is compared with, besides those 16, 32, 64, ... frames
 /// later.
 const NEIGHBOURS: usize = 10;
@@ -327,7 +327,7 @@ fn pairing(
     if photos.iter().all(|photo| photo.frame) {
         return (Pairing::Listed, Some(sequence_pairs(photos.len())));
     }
-    match tree.filter(|_| photos.len() > MOST_EXHAUSTIVE) {
+    match tree.filter(|_| photos.len() > MAX_EXHAUSTIVE_PHOTOS) {
         Some(tree) => (Pairing::Tree(tree), None),
         None => (Pairing::Exhaustive, None),
     }

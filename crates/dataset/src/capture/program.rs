@@ -281,7 +281,7 @@ pub(super) fn python_script(script: &str) -> String {
 #[cfg_attr(feature = "cli", command(next_help_heading = "Capture"))]
 #[serde(default, deny_unknown_fields)]
 pub struct CaptureOptions {
-    /// Most frames of each video; fewer if the camera moves little.
+    /// Maximum number of frames of each video; fewer if the camera moves little.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 150, value_parser = clap::value_parser!(u32).range(2..=10_000)))]
     pub frames: u32,
     /// Pose program: a colmap, or a Python with pycolmap; by default the one in TRISPLAT_POSES, or

@@ -17,7 +17,7 @@ use trisplat_scene::{Limits, Result, parallel};
 
 /// Longer side of analysed pictures, px.
 const LOOKED_AT: u32 = 640;
-/// Most names in a list of the report.
+/// Maximum number of names in a list of the report.
 const LISTED: usize = 20;
 /// A photo with at most this number of points may have a wrong pose.
 const FEW_POINTS: usize = 50;
@@ -36,7 +36,7 @@ const MAX_SPREAD: f32 = 0.15;
 /// Minimum photos for a spread.
 const MIN_COMPARED: u64 = 4;
 /// Fewer points for each photo tie no scene together.
-const LEAST_TIES: u64 = 8;
+const MIN_TIES: u64 = 8;
 /// Verdict on a capture.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
@@ -76,7 +76,7 @@ impl VerdictDetails {
         let ties = || {
             format!("{} tie {}", counted(self.points, "point"), counted(self.registered, "photo"))
         };
-        (self.points < LEAST_TIES * self.registered).then(ties)
+        (self.points < MIN_TIES * self.registered).then(ties)
     }
 }
 

@@ -171,8 +171,8 @@ const MOTION_SIDE: u32 = 160;
 const BLOCK: u32 = 16;
 /// Search radius for a block, px.
 const REACH: i32 = 12;
-/// Least contrast of a matched block: standard deviation, codes.
-const LEAST_CONTRAST: f32 = 4.0;
+/// Minimum contrast of a matched block: standard deviation, codes.
+const MIN_CONTRAST: f32 = 4.0;
 /// Motion from the reference, px, at which a frame becomes the next reference.
 const NEXT_REFERENCE: f32 = 6.0;
 /// Wanted motion between photos, as a share of the longer side: neighbours overlap by 95%.
@@ -180,7 +180,7 @@ const STEP: f32 = 0.05;
 /// With fewer frames than this, the wanted motion shrinks, ...
 const FEW: f32 = 40.0;
 /// ... but not below this.
-const LEAST_STEP: f32 = 0.01;
+const MIN_STEP: f32 = 0.01;
 
 /// A grey picture.
 #[derive(Debug, Clone, PartialEq)]
@@ -275,7 +275,7 @@ fn motion(from: &Grey, to: &Grey, guess: IVec2) -> Option<IVec2> {
     }
     let corners = (0..from.size.y / BLOCK)
         .flat_map(|y| (0..from.size.x / BLOCK).map(move |x| UVec2::new(x, y) * BLOCK))
-        .filter(|corner| contrast(from, *corner) >= LEAST_CONTRAST);
+        .filter(|corner| contrast(from, *corner) >= MIN_CONTRAST);
     let found: Vec<IVec2> =
         corners.filter_map(|corner| block_motion(from, to, corner, guess)).collect();
     let middle = |of: fn(&IVec2) -> i32| {
@@ -334,8 +334,7 @@ fn difference(from: &Grey, to: &Grey, corner: UVec2, by: IVec2) -> Option<u32> {
 pub(super) fn choose(frames: &[FrameNotes], most: u32) -> Vec<usize> {
     let Some(last) = frames.last() else { return Vec::new() };
     let few = FEW.min(most as f32);
-    let step =
-        STEP.min(last.moved / few).max(LEAST_STEP).max(last.moved / (most.max(2) - 1) as f32);
+    let step = STEP.min(last.moved / few).max(MIN_STEP).max(last.moved / (most.max(2) - 1) as f32);
     let mut chosen: Vec<usize> = Vec::new();
     let mut window = 0;
     while window < frames.len() {

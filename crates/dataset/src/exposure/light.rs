@@ -10,8 +10,8 @@ use trisplat_scene::math::color::linear_of_srgb8;
 const GRID: u32 = 16;
 /// Range of compared codes: smaller ones are noise, larger ones may be saturated.
 const COMPARED: std::ops::RangeInclusive<u8> = 8..=247;
-/// Least share of compared pixels in a cell.
-const LEAST_SHARE: f32 = 0.5;
+/// Minimum share of compared pixels in a cell.
+const MIN_SHARE: f32 = 0.5;
 /// Minimum points that a photo tracks for an estimate.
 pub(super) const MIN_POINTS: usize = 20;
 /// Number of a light that belongs to no point.
@@ -88,7 +88,7 @@ impl Light {
                 }
             }
         }
-        let counts = |c: usize| compared[c] > 0.0 && compared[c] >= LEAST_SHARE * all;
+        let counts = |c: usize| compared[c] > 0.0 && compared[c] >= MIN_SHARE * all;
         if !(0..3).any(counts) {
             return None;
         }

@@ -13,8 +13,8 @@ use trisplat_scene::math::lists::{Sets, median};
 
 /// Rounds of new weights, and of solving in each.
 const ROUNDS: [usize; 2] = [10, 8];
-/// Least residual that halves a light's weight, as a logarithm.
-const LEAST_SCALE: f32 = 0.02;
+/// Minimum residual that halves a light's weight, as a logarithm.
+const MIN_SCALE: f32 = 0.02;
 /// Minimum photos of one camera for a falloff of its own; cameras of fewer photos share one.
 const MIN_PHOTOS_PER_CAMERA: usize = 4;
 /// Minimum standard deviation of r² within points and photos for an estimate of the falloff: where
@@ -23,14 +23,14 @@ const MIN_RADII: f64 = 0.03;
 /// Largest believed gain, and inverse of the smallest: three stops.
 const MAX_GAIN: f32 = 8.0;
 /// Lights at points that are solved for; more are thinned.
-const MOST: usize = 150_000;
+const MAX_OBSERVATIONS: usize = 150_000;
 
 /// The exposures that best explain the light of photos at points, for cameras of these sizes;
 /// photos of one size share a camera. A photo has the mean gain and an infinite error where it
 /// shares too few points with most of the others, or where its gain is beyond three stops.
 pub fn solve(photos: &[Vec<Light>], cameras: &[UVec2]) -> Solved {
     let all: usize = photos.iter().map(Vec::len).sum();
-    let stride = (all / MOST + 1) as u32;
+    let stride = (all / MAX_OBSERVATIONS + 1) as u32;
     let mut numbers = HashMap::new();
     let mut seen = Vec::new();
     for (photo, lights) in photos.iter().enumerate() {
@@ -268,7 +268,7 @@ impl<'a> Channel<'a> {
         let left: Vec<f32> = self.seen.iter().map(|seen| self.left(seen)).collect();
         let counted = left.iter().zip(self.seen).filter(|(_, seen)| weight(seen) > 0.0);
         let usual = median(counted.map(|(left, _)| left.abs()).collect(), f32::total_cmp);
-        let scale = LEAST_SCALE.max(1.5 * usual.unwrap_or(0.0));
+        let scale = MIN_SCALE.max(1.5 * usual.unwrap_or(0.0));
         let weigh =
             |(seen, left): (&Seen, f32)| f64::from(weight(seen) / (1.0 + (left / scale).powi(2)));
         self.weights = self.seen.iter().zip(left).map(weigh).collect();

@@ -238,7 +238,7 @@ pub(crate) fn component_type(code: u32) -> Option<ComponentType> {
 }
 
 thread_local! {
-    /// Most entries of an array in the document being parsed, and the first larger number found.
+    /// Maximum number of entries of an array in the document being parsed, and the first larger number found.
     /// They are thread-local, because serde passes no context to its functions.
     static ENTRIES: Cell<(u64, Option<u64>)> = const { Cell::new((0, None)) };
 }
@@ -463,5 +463,5 @@ pub(crate) const GLB_BYTES: u64 = u32::MAX as u64;
 pub(crate) const MAX_GLB_CHUNKS: usize = 64;
 /// Permitted unpacked bytes for the smallest files.
 pub(crate) const FREE_UNPACKED_BYTES: u64 = 16 << 20;
-/// Most vertices for 16-bit indices: 65,535 itself means "restart" in many graphics APIs.
+/// Maximum number of vertices for 16-bit indices: 65,535 itself means "restart" in many graphics APIs.
 pub(crate) const MAX_SHORT_VERTICES: u64 = u16::MAX as u64;

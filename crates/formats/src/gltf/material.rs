@@ -72,7 +72,7 @@ impl Material {
         SRGB_HINTS.iter().any(|hint| name.ends_with(hint))
     }
 
-    /// Least alpha of what is drawn, if the alpha only cuts out.
+    /// Minimum alpha of what is drawn, if the alpha only cuts out.
     pub(crate) fn cutoff(&self) -> Option<f32> {
         let is_mask = self.alpha_mode == Some(Checked::Valid(AlphaMode::Mask));
         is_mask.then(|| self.alpha_cutoff.unwrap_or(AlphaCutoff::default().0))

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub(crate) const MESHOPT: &str = "EXT_meshopt_compression";
 /// The later name of [`MESHOPT`].
 pub(crate) const MESHOPT_KHR: &str = "KHR_meshopt_compression";
-/// Most unpacked bytes of a file, as a multiple of its size. A block of 256 compressed vertices
+/// Maximum unpacked bytes of a file, as a multiple of its size. A block of 256 compressed vertices
 /// costs at least one byte for every four channels, so meshopt reaches about 1000; a mesh that many
 /// nodes show can promise any number.
 pub(crate) const MAX_UNPACK_RATIO: u64 = 1024;

@@ -9,7 +9,7 @@ use trisplat_scene::{Error, Result, excerpt};
 const LONGEST: u64 = 1 << 20;
 
 /// Elements in a file, or properties in an element.
-const MOST: usize = 1024;
+const MAX_ELEMENTS: usize = 1024;
 
 /// How the body is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -193,8 +193,8 @@ impl HeaderDraft {
                 if self.elements.iter().any(|e| e.name == element.name) {
                     return Err(format!("element {} is declared twice", excerpt(&element.name)));
                 }
-                if self.elements.len() == MOST {
-                    return Err(format!("more than {MOST} elements"));
+                if self.elements.len() == MAX_ELEMENTS {
+                    return Err(format!("more than {MAX_ELEMENTS} elements"));
                 }
                 self.elements.push(element);
             }
@@ -205,8 +205,8 @@ impl HeaderDraft {
                 if element.has(&property.name) {
                     return Err(format!("property {} is declared twice", excerpt(&property.name)));
                 }
-                if element.properties.len() == MOST {
-                    return Err(format!("more than {MOST} properties in one element"));
+                if element.properties.len() == MAX_ELEMENTS {
+                    return Err(format!("more than {MAX_ELEMENTS} properties in one element"));
                 }
                 element.properties.push(property);
             }

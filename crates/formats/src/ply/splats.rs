@@ -136,7 +136,7 @@ impl Columns {
 // ---- Dialects: some programs write the numbers that are drawn, lengths and shares ---------------
 
 /// Fewer Gaussians do not tell dialects apart.
-const LEAST_TOLD_APART: usize = 16;
+const MIN_GAUSSIANS: usize = 16;
 /// No Gaussian is larger than this many times the scene.
 const LARGEST: f64 = 1000.0;
 /// Usual size of a Gaussian, as a share of the distance of neighbours.
@@ -148,8 +148,8 @@ const OUTLIERS: f64 = 0.1;
 /// not one number.
 fn are_shares(splats: &Splats) -> bool {
     let highest = (1.0 / (1.0 + (-1.0f64).exp())) as f32;
-    let all = splats.len() >= LEAST_TOLD_APART
-        && splats.opacity.iter().all(|o| (0.5..=highest).contains(o));
+    let all =
+        splats.len() >= MIN_GAUSSIANS && splats.opacity.iter().all(|o| (0.5..=highest).contains(o));
     all && splats.opacity.iter().any(|o| *o != splats.opacity[0])
 }
 
@@ -158,7 +158,7 @@ fn are_shares(splats: &Splats) -> bool {
 fn are_lengths(splats: &Splats) -> bool {
     let all =
         splats.scales.iter().flat_map(|scales| scales.to_array()).filter(|scale| *scale != 0.0);
-    if splats.len() < LEAST_TOLD_APART || all.clone().any(|scale| scale < 1.0) {
+    if splats.len() < MIN_GAUSSIANS || all.clone().any(|scale| scale < 1.0) {
         return false;
     }
     let positions = |axis: usize| {

@@ -143,13 +143,13 @@ pub(crate) fn beside(path: &Path) -> Option<PathBuf> {
 // inside of it.
 
 /// Fewer cameras may show any part of a scene, so they are believed.
-const LEAST_CAMERAS: usize = 8;
-/// Most cameras and Gaussians that are looked at.
+const MIN_CAMERAS: usize = 8;
+/// Maximum number of cameras and Gaussians that are looked at.
 const CAMERAS: usize = 24;
 const GAUSSIANS: usize = 1 << 13;
 /// Cells along a side of a picture.
 const CELLS: u32 = 32;
-/// Most light that the Gaussians of one place take.
+/// Maximum light that the Gaussians of one place take.
 const OPAQUE: f32 = 0.9;
 /// Cameras are believed if they explain this share of what the best turn of them explains.
 const BELIEVED: f32 = 0.9;
@@ -160,7 +160,7 @@ const IN_FRONT: f32 = 0.5;
 
 /// The turn of the axes that takes `cameras` into the frame of `splats`; `None` if none does.
 fn fitting_turn(cameras: &[(String, Camera)], splats: &Splats, origin: Vec3) -> Option<Mat3> {
-    if cameras.len() < LEAST_CAMERAS {
+    if cameras.len() < MIN_CAMERAS {
         return Some(Mat3::IDENTITY);
     }
     let chosen: Vec<&Camera> =

@@ -22,12 +22,12 @@ use std::io::{BufReader, Cursor};
 use std::path::Path;
 use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, ScreenFilter, Splats};
 
-/// Most bytes of `meta.json`: three codebooks take some 20 kB.
-const MOST_META: u64 = 1 << 20;
+/// Maximum bytes of `meta.json`: three codebooks take some 20 kB.
+const MAX_META: u64 = 1 << 20;
 /// Lists of coefficients side by side in their picture.
 const LISTS_PER_ROW: usize = 64;
 /// Lists that a number of 16 bits tells apart.
-const MOST_LISTS: usize = 1 << 16;
+const MAX_LISTS: usize = 1 << 16;
 /// Pixels that may be added to four times as many as Gaussians: some writers fill squares of a
 /// power of two.
 const SPARE_PIXELS: usize = 1 << 12;
@@ -120,7 +120,7 @@ pub(crate) fn names(zip: &zip::ZipArchive<BufReader<&File>>) -> Vec<String> {
 pub(crate) fn read(source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
     let path = &source.path;
     let mut archive = Archive::open(&source, &options.limits)?;
-    let json = archive.bytes("meta.json", MOST_META)?;
+    let json = archive.bytes("meta.json", MAX_META)?;
     let parse = |e: serde_json::Error| Error::malformed(path, "meta.json", e.to_string());
     match serde_json::from_slice::<Version>(&json).map_err(parse)?.version {
         Some(2) => {}
@@ -276,7 +276,7 @@ impl<'a> Archive<'a> {
         }
         let codes = self.codes(&higher.codebook)?;
         let per_list = (usize::from(higher.bands) + 1).pow(2) - 1;
-        let lists = self.picture(&higher.files[0], 0, MOST_LISTS * per_list)?;
+        let lists = self.picture(&higher.files[0], 0, MAX_LISTS * per_list)?;
         let labels = self.picture_of(&higher.files[1], count)?;
         if lists.rgba.width() as usize != LISTS_PER_ROW * per_list {
             let reason =

@@ -30,7 +30,7 @@ const HEADER: usize = 16;
 /// Of version 4.
 const LONG_HEADER: usize = 32;
 /// What encoders of zstd refer back to, whatever the length of an array.
-const LEAST_WINDOW: u64 = 1 << 23;
+const MIN_WINDOW: u64 = 1 << 23;
 /// What the header says.
 struct Header {
     version: u32,
@@ -100,7 +100,7 @@ fn frames<'a>(
         let some = usize::try_from(length).ok().and_then(|length| packed.split_at_checked(length));
         let (array, behind) = some.ok_or_else(|| cut(&place))?;
         packed = behind;
-        let decoder = StreamingDecoder::new_with_max_window_size(array, wanted.max(LEAST_WINDOW));
+        let decoder = StreamingDecoder::new_with_max_window_size(array, wanted.max(MIN_WINDOW));
         let decoder = decoder.map_err(|e| Error::io(path, std::io::Error::other(e)));
         let array = decoder.and_then(|decoder| read_all(path, decoder, wanted, limits));
         array.map_err(|error| damaged(path, error, &place, "zstd -t"))

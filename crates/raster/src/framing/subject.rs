@@ -9,10 +9,10 @@ use trisplat_scene::math::geometry::{bounds, central, centroid};
 use trisplat_scene::math::lists::{median, quantile};
 use trisplat_scene::mesh::{Colors, Mesh};
 
-/// Most points to sample.
-pub(super) const MOST_POINTS: usize = 20_000;
-/// Most cameras to use.
-const MOST_CAMERAS: usize = 100;
+/// Maximum number of points to sample.
+pub(super) const MAX_POINTS: usize = 20_000;
+/// Maximum number of cameras to use.
+const MAX_CAMERAS: usize = 100;
 /// A point belongs to the subject if at least this share of the most framed point's pictures show
 /// it ...
 const FRAMED: f32 = 0.5;
@@ -49,7 +49,7 @@ impl Subject {
     /// Of a scene with `points`, the middles of its triangles, and the cameras of its photos, if
     /// known. `None` without extent.
     pub fn of(points: &[Vec3], cameras: &[Camera]) -> Option<Self> {
-        let step = points.len().div_ceil(MOST_POINTS).max(1);
+        let step = points.len().div_ceil(MAX_POINTS).max(1);
         let points: Vec<Vec3> =
             points.iter().copied().step_by(step).filter(|p| p.is_finite()).collect();
         let outside = |object: &Self| cameras.iter().all(|camera| !object.holds(camera.position()));
@@ -73,7 +73,7 @@ impl Subject {
 
 /// The object that most of `cameras` frame, near their common focus; `None` without one.
 fn photographed(points: &[Vec3], cameras: &[Camera]) -> Option<Subject> {
-    let step = cameras.len().div_ceil(MOST_CAMERAS).max(1);
+    let step = cameras.len().div_ceil(MAX_CAMERAS).max(1);
     let cameras: Vec<Camera> = cameras.iter().copied().step_by(step).collect();
     let focus = camera::focus(cameras.iter())?;
     let away =
@@ -117,9 +117,9 @@ fn ball(points: &[Vec3], share: f32) -> Option<Subject> {
 }
 
 /// Largest scene that is not thinned.
-const MOST_FACES: usize = 8000;
+const MAX_FACES: usize = 8000;
 /// Largest factor by which a triangle of a thinned scene grows to replace the others.
-const MOST_GROWTH: f32 = 6.0;
+const MAX_GROWTH: f32 = 6.0;
 /// The longer side of the pictures, px.
 const SIDE: u32 = 96;
 /// Surfaces nearer than this share of the subject's distance are obstacles.
@@ -158,8 +158,8 @@ impl Survey {
         count: usize,
         subject: Subject,
     ) -> Self {
-        let step = count.div_ceil(MOST_FACES).max(1);
-        let growth = (step as f32).sqrt().min(MOST_GROWTH);
+        let step = count.div_ceil(MAX_FACES).max(1);
+        let growth = (step as f32).sqrt().min(MAX_GROWTH);
         let mut positions = Vec::new();
         let mut of_subject = Vec::new();
         let mut single_sided = Vec::new();
@@ -223,7 +223,7 @@ const MARGIN: f64 = 0.26;
 /// Photos without a gap wider than this, rad, surround the target.
 const GAP: f64 = std::f64::consts::FRAC_PI_2;
 /// Fewer photos of the target leave the orbit free.
-const LEAST: usize = 3;
+const MIN_PHOTOS: usize = 3;
 
 /// The range of the photos taken by `cameras` around the target of `viewpoint`. `None` if fewer
 /// than half of them show the target, as in a room that is photographed from its middle.
@@ -235,7 +235,7 @@ pub(super) fn orbit_range(viewpoint: &Viewpoint, cameras: &[Camera]) -> Option<O
         shows.then(|| viewpoint.direction(camera.position().as_dvec3() - target)).flatten()
     };
     let photos: Vec<[f64; 2]> = cameras.iter().filter_map(of_photo).collect();
-    if photos.len() < LEAST || 2 * photos.len() < cameras.len() {
+    if photos.len() < MIN_PHOTOS || 2 * photos.len() < cameras.len() {
         return None;
     }
     let elevations = photos.iter().map(|photo| photo[1]).chain([here[1]]);

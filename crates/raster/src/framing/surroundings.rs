@@ -94,26 +94,26 @@ pub fn up_of(cameras: &[Camera], otherwise: Vec3) -> Vec3 {
 /// Number of triangles for finding the gap.
 const SAMPLE: usize = 50_000;
 /// Scenes with fewer triangles have no shell.
-const LEAST_TRIANGLES: usize = 64;
-/// Least distance of the shell, as a multiple of the median distance of the scene.
+const MIN_TRIANGLES: usize = 64;
+/// Minimum distance of the shell, as a multiple of the median distance of the scene.
 const FAR: f32 = 2.5;
 /// The gap: the empty share of the distance to the shell ...
 const GAP: f32 = 0.25;
 /// ... except for this many triangles, as a share of those of the shell.
-const MOST_IN_GAP: f32 = 0.02;
+const MAX_GAP_SHARE: f32 = 0.02;
 /// Largest share of the triangles in a shell.
-const MOST_SHELL: f32 = 0.4;
-/// Least mean cosine, by area, between the shell's normals and the direction to the middle.
-const LEAST_FACING: f32 = 0.8;
-/// Least share of all directions that the shell covers.
-const LEAST_COVERED: f32 = 0.7;
+const MAX_SHELL_SHARE: f32 = 0.4;
+/// Minimum mean cosine, by area, between the shell's normals and the direction to the middle.
+const MIN_FACING_COSINE: f32 = 0.8;
+/// Minimum share of all directions that the shell covers.
+const MIN_COVERED: f32 = 0.7;
 /// Number of tested directions: lines of the grid on each face of a cube.
 const GRID: usize = 8;
 
 /// Flags of the `count` triangles, given by their `corners`, that are a far shell; `None` without
 /// one. `[N]`
 pub fn far_shell(corners: &(dyn Fn(usize) -> [Vec3; 3] + Sync), count: usize) -> Option<Vec<bool>> {
-    if count < LEAST_TRIANGLES {
+    if count < MIN_TRIANGLES {
         return None;
     }
     let middle = |face: usize| centroid(corners(face));
@@ -142,8 +142,8 @@ fn begin(distances: &[f32]) -> Option<f32> {
         let shell = distances.len() - at;
         let gap = at - distances.partition_point(|d| *d < (1.0 - GAP) * from);
         from > 0.0
-            && shell as f32 <= MOST_SHELL * distances.len() as f32
-            && gap as f32 <= MOST_IN_GAP * shell as f32
+            && shell as f32 <= MAX_SHELL_SHARE * distances.len() as f32
+            && gap as f32 <= MAX_GAP_SHARE * shell as f32
     });
     candidates.map(|at| distances[at]).next()
 }
@@ -157,7 +157,7 @@ fn faces_middle(far: &[[Vec3; 3]]) -> bool {
         facing += f64::from(normal.dot(((*a + *b + *c) / 3.0).normalize_or_zero()).abs());
         area += f64::from(normal.length());
     }
-    area > 0.0 && facing >= f64::from(LEAST_FACING) * area
+    area > 0.0 && facing >= f64::from(MIN_FACING_COSINE) * area
 }
 
 /// Whether the triangles cover most directions from the origin.
@@ -174,7 +174,7 @@ fn covers(far: &[[Vec3; 3]]) -> bool {
         }
     }
     covered.iter().filter(|covered| **covered).count() as f32
-        >= LEAST_COVERED * directions.len() as f32
+        >= MIN_COVERED * directions.len() as f32
 }
 
 /// The directions from the origin in which a triangle lies.

@@ -1,7 +1,7 @@
 //! The first viewpoint of a scene: the place of a photo, or around the subject, that shows the
 //! subject best: whole, large, level, unobstructed, from somewhat above.
 
-use super::subject::{MOST_POINTS, Sight, Subject, Survey, orbit_range};
+use super::subject::{MAX_POINTS, Sight, Subject, Survey, orbit_range};
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use std::f32::consts::TAU;
 use trisplat_scene::camera::{Camera, Viewpoint};
@@ -54,7 +54,7 @@ pub struct Scenery<'a> {
 pub fn viewpoint(scenery: &Scenery<'_>) -> Option<Chosen> {
     let middle = |face: usize| centroid((scenery.corners)(face));
     // The subject uses no more of them.
-    let step = scenery.count.div_ceil(MOST_POINTS).max(1);
+    let step = scenery.count.div_ceil(MAX_POINTS).max(1);
     let middles: Vec<Vec3> = (0..scenery.count).step_by(step).map(middle).collect();
     // The middle of a single triangle has no extent, its corners have.
     let corners = || (0..scenery.count).step_by(step).flat_map(scenery.corners).collect::<Vec<_>>();
@@ -135,7 +135,7 @@ fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
     ];
     // A window may be narrower than the photo, so the photo's horizontal angle becomes the vertical
     // one. Nothing is missing beyond it where nothing surrounds the subject.
-    let needed = half_tangent(subject.radius, depth.max(subject.radius), MOST_SINE);
+    let needed = half_tangent(subject.radius, depth.max(subject.radius), MAX_SINE);
     let most = if subject.is_alone { needed } else { needed.min(wide) };
     let fov = 2.0 * libm::atan(f64::from(high.max(most)));
     Viewpoint {
@@ -153,7 +153,7 @@ fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
 fn camera_holding(viewpoint: &Viewpoint, size: UVec2) -> Camera {
     let camera = viewpoint.camera(size);
     let Some(radius) = viewpoint.radius else { return camera };
-    let needed = half_tangent(radius as f32, viewpoint.distance(), MOST_SINE);
+    let needed = half_tangent(radius as f32, viewpoint.distance(), MAX_SINE);
     let most = size.min_element() as f32 / (2.0 * needed);
     Camera { focal: camera.focal.min(Vec2::splat(most)), ..camera }
 }
@@ -189,10 +189,10 @@ pub fn orbit(
 }
 
 /// Widest lens for a narrow picture: the sine of half its angle.
-const MOST_SINE: f32 = 0.85;
+const MAX_SINE: f32 = 0.85;
 
-/// Most photos that are tried.
-const MOST_PHOTOS: usize = 64;
+/// Maximum number of photos that are tried.
+const MAX_PHOTOS: usize = 64;
 /// Field of view of places around the subject, degrees; the tangents of its half.
 const HALF_FOV_TAN: f32 = 0.414_213_57; // 45 degrees
 /// Directions around the subject.
@@ -200,7 +200,7 @@ const AROUND: usize = 12;
 /// Size of a picture from around, in sizes of the subject.
 const MARGIN: f32 = 1.1;
 /// Sine of half the angle of the widest lens from around.
-const MOST_SINE_AROUND: f32 = 0.8;
+const MAX_SINE_AROUND: f32 = 0.8;
 /// Width and height of the pictures from around, px.
 const SIZE: UVec2 = UVec2::new(960, 720);
 
@@ -214,7 +214,7 @@ struct Candidate {
 
 /// The cameras of photos, made level, and turned to the subject if they show its middle.
 fn of_photos(cameras: &[Camera], subject: Subject, up: Vec3) -> Vec<Candidate> {
-    let step = cameras.len().div_ceil(MOST_PHOTOS).max(1);
+    let step = cameras.len().div_ceil(MAX_PHOTOS).max(1);
     let level = |photo: usize| {
         let camera = &cameras[photo];
         let eye = camera.position();
@@ -243,7 +243,7 @@ fn ring(subject: Subject, up: Vec3, sine: f32, nearer: f32, room: f32) -> Vec<Ca
     let whole = MARGIN * subject.radius / sin_half;
     let distance = (nearer * whole).min(room);
     // The lens that shows the whole subject from there, if it must be wider.
-    let tangent = half_tangent(MARGIN * subject.radius, distance, MOST_SINE_AROUND);
+    let tangent = half_tangent(MARGIN * subject.radius, distance, MAX_SINE_AROUND);
     let focal = Vec2::splat(SIZE.y as f32 / (2.0 * tangent.max(HALF_FOV_TAN)));
     let x = up.any_orthonormal_vector();
     let y = up.cross(x);

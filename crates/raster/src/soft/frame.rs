@@ -52,7 +52,7 @@ pub struct SoftOptions {
     /// Inradius from which a triangle has its full opacity, px; smaller ones fade smoothly; 0 never
     /// fades.
     pub fade_px: f32,
-    /// Least ratio at which ∂I/∂ratio is evaluated, which limits the steepness of the window; 0 is
+    /// Minimum ratio at which ∂I/∂ratio is evaluated, which limits the steepness of the window; 0 is
     /// exact.
     pub ratio_least: f32,
     /// Whether depth, normal and distortion are drawn too.

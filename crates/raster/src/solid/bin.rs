@@ -16,13 +16,13 @@ use trisplat_scene::parallel;
 /// Faces that are projected together.
 const GROUP: usize = LANES;
 /// Smallest number of faces in a batch.
-const LEAST_BATCH: usize = 4096;
+const MIN_BATCH: usize = 4096;
 
 /// Splits the faces into batches; [`bin`] fills their bins. The picture does not depend on the
 /// number of batches.
 pub(super) fn start(batches: &mut Vec<Batch>, mesh: &Mesh) {
     let faces = mesh.face_count();
-    let count = (4 * parallel::threads()).min(faces.div_ceil(LEAST_BATCH));
+    let count = (4 * parallel::threads()).min(faces.div_ceil(MIN_BATCH));
     let each = faces.div_ceil(count.max(1)).next_multiple_of(GROUP);
     batches.resize_with(count, Batch::default);
     for (i, batch) in batches.iter_mut().enumerate() {

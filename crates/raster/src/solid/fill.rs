@@ -129,7 +129,7 @@ fn draw_tiny<L: Lanes>(keys: &mut SampleKeys, tiny: &TinyTriangle) {
 
 /// Layers over the whole tile, by the boxes of its triangles, after which it counts as deep.
 const DEEP: i64 = 24;
-/// Least triangles of a batch for this search, and the number of nearest ones drawn first.
+/// Minimum triangles of a batch for this search, and the number of nearest ones drawn first.
 const NEAREST: usize = 16;
 
 /// The drawing of a tile so far.
@@ -284,7 +284,7 @@ struct TileTriangle {
     start: f64,
     second: f64,
     third: f64,
-    /// Least and greatest 1/z of the corners.
+    /// Minimum and greatest 1/z of the corners.
     least: f32,
     most: f32,
     face: u32,

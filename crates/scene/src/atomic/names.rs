@@ -7,7 +7,7 @@ use xxhash_rust::xxh3::xxh3_64;
 const MAX_NAME_BYTES: usize = 255;
 /// The inner folder in which those of a folder are made.
 pub(super) const ASIDE: &str = ".folder.trisplat.new";
-/// Most links to follow, as on Linux.
+/// Maximum number of links to follow, as on Linux.
 const MAX_LINKS: usize = 40;
 
 /// Names that Windows keeps for devices, with any ending.

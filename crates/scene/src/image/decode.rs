@@ -151,7 +151,7 @@ pub(super) fn header_size(
     Ok(UVec2::new(width, height))
 }
 
-/// Most bytes that decoding a picture of `size` px takes, the result included.
+/// Maximum bytes that decoding a picture of `size` px takes, the result included.
 pub(super) fn most_bytes(path: &Path, mut file: impl BufRead, size: UVec2) -> Result<u64> {
     /// Chunk of a WebP file that may have an opacity per pixel.
     const EXTENDED: &[u8] = b"VP8X";
@@ -189,7 +189,7 @@ pub(super) fn has_alpha(path: &Path, mut file: impl BufRead + Seek) -> Result<bo
     Ok(decoder.color_type().has_alpha())
 }
 
-/// Most pixels per byte of a file.
+/// Maximum number of pixels per byte of a file.
 ///
 /// Deflate reaches 1032 bytes per byte (zlib's technical details), and a PNG has one bit per pixel
 /// at least. A JPEG spends a bit on the mean of every block of 8x8 pixels. WebP can say "all of it

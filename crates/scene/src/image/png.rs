@@ -156,8 +156,8 @@ pub(super) fn broken(path: &Path, error: DecodingError) -> Error {
 
 // ---- The palette of a PNG file: its decoder trusts it, so it is checked first -------------------
 
-/// Most colours of a palette, of 3 bytes each (PNG specification, 11.2.2).
-const MOST_COLORS: u32 = 256;
+/// Maximum number of colours of a palette, of 3 bytes each (PNG specification, 11.2.2).
+const MAX_COLORS: u32 = 256;
 
 /// # Errors
 ///
@@ -167,9 +167,8 @@ pub(super) fn check(path: &Path, file: &mut (impl Read + Seek)) -> Result<()> {
     match bad_palette(file).map_err(|e| Error::io(path, e))? {
         None => Ok(()),
         Some((at, bytes)) => {
-            let reason = format!(
-                "{bytes} bytes are no palette of 1 to {MOST_COLORS} colours; copy it again"
-            );
+            let reason =
+                format!("{bytes} bytes are no palette of 1 to {MAX_COLORS} colours; copy it again");
             Err(Error::malformed(path, format!("PLTE chunk at byte {at}"), reason))
         }
     }
@@ -187,7 +186,7 @@ fn bad_palette(file: &mut (impl Read + Seek)) -> io::Result<Option<(u64, u32)>> 
         let [a, b, c, d, name @ ..] = head;
         let len = u32::from_be_bytes([a, b, c, d]);
         match &name {
-            b"PLTE" if !len.is_multiple_of(3) || !(3..=3 * MOST_COLORS).contains(&len) => {
+            b"PLTE" if !len.is_multiple_of(3) || !(3..=3 * MAX_COLORS).contains(&len) => {
                 return Ok(Some((at, len)));
             }
             b"IDAT" => break,

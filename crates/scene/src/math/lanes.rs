@@ -36,21 +36,21 @@ pub enum SimdLevel {
 
 thread_local! {
     /// The best level that this thread may use.
-    static MOST: Cell<SimdLevel> = const { Cell::new(SimdLevel::Avx512) };
+    static LEVEL_LIMIT: Cell<SimdLevel> = const { Cell::new(SimdLevel::Avx512) };
 }
 
 /// Does `work` with [`level`] at most `most`, to compare instruction sets. This affects only this
 /// thread, not those of a pool.
 pub fn with_at_most<T>(most: SimdLevel, work: impl FnOnce() -> T) -> T {
-    let before = MOST.replace(most);
+    let before = LEVEL_LIMIT.replace(most);
     let out = work();
-    MOST.set(before);
+    LEVEL_LIMIT.set(before);
     out
 }
 
 /// The best level of this CPU.
 pub fn level() -> SimdLevel {
-    MOST.get().min(best())
+    LEVEL_LIMIT.get().min(best())
 }
 
 fn best() -> SimdLevel {

@@ -9,7 +9,7 @@ use crate::parallel;
 use glam::UVec2;
 
 /// Below this mean squared error two pictures count as equal: 120 dB.
-const LEAST_SQUARED_ERROR: f64 = 1e-12;
+const MIN_SQUARED_ERROR: f64 = 1e-12;
 
 /// Peak signal-to-noise ratio in dB: -10 log10 of the mean squared error, 120 for equal pictures.
 /// The pictures must have the same number of pixels.
@@ -20,7 +20,7 @@ pub fn psnr(a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
             / 3.0
     };
     let mean = weighted_mean((0..a.len()).map(squared), weights);
-    -10.0 * (mean / (255.0 * 255.0)).max(LEAST_SQUARED_ERROR).log10()
+    -10.0 * (mean / (255.0 * 255.0)).max(MIN_SQUARED_ERROR).log10()
 }
 
 /// Structural similarity in [-1, 1], 1 for equal pictures. The mean over pixels and channels of

@@ -19,8 +19,8 @@ const MARGIN: u32 = 2;
 const STEP: u32 = 32;
 /// Side of the squares by which rectangles that overlap are found, texels.
 const SQUARE: u32 = 32;
-/// Most squares of a rectangle in which others are looked for.
-const MOST_SQUARES: u32 = 1 << 12;
+/// Maximum number of squares of a rectangle in which others are looked for.
+const MAX_SQUARES: u32 = 1 << 12;
 /// An excerpt must have fewer than this share of the texels, or everything stays.
 const WORTH: f64 = 0.75;
 
@@ -187,7 +187,7 @@ fn squares(one: &Rectangle) -> Vec<(u16, u32, u32)> {
     let low = one.low / SQUARE;
     let high = (one.high - 1) / SQUARE;
     let all = (low.y..=high.y).flat_map(|y| (low.x..=high.x).map(move |x| (one.page, y, x)));
-    all.take(MOST_SQUARES as usize).collect()
+    all.take(MAX_SQUARES as usize).collect()
 }
 
 /// The size of a page of at most `most` by `most` texels that holds rectangles of these `sizes`,

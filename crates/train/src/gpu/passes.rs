@@ -179,8 +179,8 @@ impl Pass {
         constant(&mut out, "SIGMA_MIN", SIGMA_MIN);
         constant(&mut out, "SIGMA_SOLID", SIGMA_SOLID);
         constant(&mut out, "ERROR_UNITS", ERROR_UNITS);
-        constant(&mut out, "LEAST_SIZE", SIZES[0]);
-        constant(&mut out, "MOST_SIZE", SIZES[1]);
+        constant(&mut out, "MIN_SIZE", SIZES[0]);
+        constant(&mut out, "MAX_SIZE", SIZES[1]);
         constant(&mut out, "SIZE_OF_ALL", SIZE_OF_ALL);
         out += include_str!("passes/step.wgsl");
         self.parts.iter().for_each(|part| out += part);

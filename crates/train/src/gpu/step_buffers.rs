@@ -235,7 +235,7 @@ pub struct GpuLimits {
     pub photo_bytes: u64,
     /// First capacity for pairs of triangles and tiles, per triangle.
     pub pairs_each: u32,
-    /// Least first capacity for pairs.
+    /// Minimum first capacity for pairs.
     pub pairs_least: u32,
     /// First capacity for triangles through the near plane, which are two splats each; a 64th of
     /// all triangles is added.

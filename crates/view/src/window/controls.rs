@@ -9,7 +9,7 @@ use winit::keyboard::KeyCode;
 
 /// A drag across the whole height of the window turns the camera by this, rad.
 const DRAG_ANGLE: f32 = 3.0;
-/// Least angle between the view and straight up or down, rad.
+/// Minimum angle between the view and straight up or down, rad.
 const POLE_MARGIN: f32 = 0.02;
 /// A drag by this share of the height of the window leaves a third of the roll.
 const LEVEL_DRAG: f32 = 0.06;
@@ -20,7 +20,7 @@ const FIELD_OF_VIEW: f32 = 0.9;
 /// scene.
 const ROOM: f32 = 0.9;
 /// The sine of half the angle of the widest lens.
-const MOST_SINE: f32 = 0.85;
+const MAX_SINE: f32 = 0.85;
 
 /// Position, direction and intrinsics of the camera.
 #[derive(Debug, Clone)]
@@ -77,7 +77,7 @@ impl CameraControls {
         self.frame(&[target - radius / 3f32.sqrt(), target + radius / 3f32.sqrt()]);
         let room = ROOM * room;
         if self.pivot_distance > room {
-            let half_sine = (radius / room).min(MOST_SINE);
+            let half_sine = (radius / room).min(MAX_SINE);
             let tangent = half_sine / (1.0 - half_sine * half_sine).sqrt();
             self.intrinsics.focal = Vec2::splat(500.0 / tangent);
             self.pivot_distance = room;
@@ -141,7 +141,7 @@ impl CameraControls {
         Pane { min: pane.min + 0.5 * (pane.size - size), size }
     }
 
-    /// Least depth that is drawn.
+    /// Minimum depth that is drawn.
     pub(super) fn near(&self) -> f32 {
         (1e-3 * self.extent.min(self.pivot_distance)).max(f32::MIN_POSITIVE)
     }

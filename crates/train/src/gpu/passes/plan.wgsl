@@ -10,11 +10,11 @@
 @group(0) @binding(5) var<storage, read> room: array<u32>;
 @group(0) @binding(6) var<storage, read_write> halted: array<u32>;
 
-const MOST_ACROSS: u32 = 65535u;
+const MAX_ACROSS: u32 = 65535u;
 
 fn set_groups(at: u32, items: u32, each: u32) {
     let wanted = (items + each - 1u) / each;
-    let down = max((wanted + MOST_ACROSS - 1u) / MOST_ACROSS, 1u);
+    let down = max((wanted + MAX_ACROSS - 1u) / MAX_ACROSS, 1u);
     groups[3u * at] = (wanted + down - 1u) / down;
     groups[3u * at + 1u] = down;
     groups[3u * at + 2u] = 1u;

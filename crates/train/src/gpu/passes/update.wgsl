@@ -255,8 +255,8 @@ fn magnitude(d: TriangleGrad) -> f32 {
 // The root of the area, within limits.
 fn size(t: WorldTriangle) -> f32 {
     let normal = cross(t.v1 - t.v0, t.v2 - t.v0);
-    let most = clamp(SIZE_OF_ALL / sqrt(max(f32(step.scene.x), 1.0)), LEAST_SIZE, MOST_SIZE);
-    return clamp(sqrt(0.5 * sqrt(dot(normal, normal))), LEAST_SIZE, most);
+    let most = clamp(SIZE_OF_ALL / sqrt(max(f32(step.scene.x), 1.0)), MIN_SIZE, MAX_SIZE);
+    return clamp(sqrt(0.5 * sqrt(dot(normal, normal))), MIN_SIZE, most);
 }
 
 // Updates all of a triangle except its colour of degree 0.
