@@ -179,12 +179,10 @@ impl FromStr for ByteSize {
         };
         let bytes = digits.parse::<f64>().map_or(0.0, |number| number * unit);
         // NaN is in no range.
-        match (1.0..=1e15).contains(&bytes) {
-            true => Ok(Self(bytes as u64)),
-            false => {
-                Err("expected a size of 1 byte or more, as in 5MB, 500kB, 4MiB or 5000000"
-                    .to_owned())
-            }
+        if (1.0..=1e15).contains(&bytes) {
+            Ok(Self(bytes as u64))
+        } else {
+            Err("expected a size of 1 byte or more, as in 5MB, 500kB, 4MiB or 5000000".to_owned())
         }
     }
 }

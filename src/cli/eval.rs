@@ -61,9 +61,10 @@ pub fn run(args: &EvalArgs, global: &Global, inputs: &Inputs, out: &mut dyn Writ
     for warning in &report.warnings {
         progress.warn(warning);
     }
-    match args.json {
-        true => messages::print_json(&report, out).map_err(|e| Error::io("-", e))?,
-        false => table.end(out, &report)?,
+    if args.json {
+        messages::print_json(&report, out).map_err(|e| Error::io("-", e))?
+    } else {
+        table.end(out, &report)?
     }
     outputs.save_report(args.report.as_deref(), &report)
 }

@@ -254,11 +254,10 @@ impl<'a> Outputs<'a> {
     }
 
     fn check_input(&self, Planned { option, path, id, .. }: &Planned) -> Result<()> {
-        match self.inputs.contains_key(id) || self.resumed.contains_key(id) {
-            true => {
-                Err(Error::invalid(*option, path.display(), "a file that is not also an input"))
-            }
-            false => Ok(()),
+        if self.inputs.contains_key(id) || self.resumed.contains_key(id) {
+            Err(Error::invalid(*option, path.display(), "a file that is not also an input"))
+        } else {
+            Ok(())
         }
     }
 
@@ -273,13 +272,14 @@ impl<'a> Outputs<'a> {
 
 impl Planned {
     fn check_new(&self) -> Result<()> {
-        match self.is_new && self.path.exists() {
-            true => Err(Error::invalid(
+        if self.is_new && self.path.exists() {
+            Err(Error::invalid(
                 self.option,
                 self.path.display(),
                 "a new file, or --force to replace it",
-            )),
-            false => Ok(()),
+            ))
+        } else {
+            Ok(())
         }
     }
 }

@@ -220,9 +220,10 @@ fn row(stage: &StageReport) -> String {
         return format!("{name:<11}{text:<55} {:>8.2} s", stage.seconds);
     }
     if let Some(why) = &stage.skipped {
-        let took = match stage.seconds >= TRIED_SECS {
-            true => format!(" ({:.2} s)", stage.seconds),
-            false => String::new(),
+        let took = if stage.seconds >= TRIED_SECS {
+            format!(" ({:.2} s)", stage.seconds)
+        } else {
+            String::new()
         };
         return format!("{name:<11}not needed: {why}{took}");
     }

@@ -61,11 +61,10 @@ fn command_for(typed: &str) -> Option<String> {
     let shown =
         if typed.contains(char::is_whitespace) { format!("'{typed}'") } else { typed.to_owned() };
     let makes = path.is_dir() && unzipped_sog(path).is_none() || is_camera_file(path);
-    Some(match makes {
-        true => format!("a command comes first: trisplat make {shown} -o scene.glb"),
-        false => format!(
-            "a command comes first: trisplat bake {shown} -o OUT.glb, or trisplat info {shown}"
-        ),
+    Some(if makes {
+        format!("a command comes first: trisplat make {shown} -o scene.glb")
+    } else {
+        format!("a command comes first: trisplat bake {shown} -o OUT.glb, or trisplat info {shown}")
     })
 }
 

@@ -145,9 +145,10 @@ impl<'a> Terminal<'a> {
 
     /// `Break` after a request to stop that waits for it.
     fn flow(&self) -> ControlFlow<()> {
-        match self.stop.is_some() && signals::exit_code().is_some() {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+        if self.stop.is_some() && signals::exit_code().is_some() {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
         }
     }
 
@@ -189,12 +190,11 @@ fn exposure(evidence: &ExposureEvidence) -> String {
         counted(*photos, "photo")
     );
     let [gain, balance, falloff] = strengths.to_array().map(percent);
-    match strengths.is_none() {
-        true => format!(
-            "{shown}: photos are taken as they are (`train --set exposure=on` corrects them)"
-        ),
-        false => format!(
+    if strengths.is_none() {
+        format!("{shown}: photos are taken as they are (`train --set exposure=on` corrects them)")
+    } else {
+        format!(
             "{shown}: {gain}, {balance} and {falloff} are corrected (`train --set exposure=off` takes photos as they are)"
-        ),
+        )
     }
 }

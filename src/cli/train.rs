@@ -226,17 +226,14 @@ impl TrainTerminal<'_, '_> {
 /// The end of the program: success, stopped, or an error that names missing outputs beside the
 /// scene.
 fn ended(args: &TrainArgs, trained: &Trained, lost: &[String]) -> Result<ExitCode> {
-    match lost.is_empty() {
-        true => Ok(signals::exit_code()
+    if lost.is_empty() {
+        Ok(signals::exit_code()
             .filter(|_| trained.stopped)
-            .map_or(ExitCode::SUCCESS, ExitCode::from)),
-        false => {
-            let scene = args.output.display();
-            let lost = lost.join("; ");
-            Err(Error::Incomplete(format!(
-                "{scene} is written, but not everything beside it: {lost}"
-            )))
-        }
+            .map_or(ExitCode::SUCCESS, ExitCode::from))
+    } else {
+        let scene = args.output.display();
+        let lost = lost.join("; ");
+        Err(Error::Incomplete(format!("{scene} is written, but not everything beside it: {lost}")))
     }
 }
 
@@ -247,14 +244,13 @@ fn checkpoint_to_resume(
     matches: &ArgMatches,
 ) -> Result<(Option<Checkpoint>, Vec<String>)> {
     let Some(path) = &args.resume else { return Ok((None, Vec::new())) };
-    let (checkpoint, warnings) = match path.is_dir() {
-        true => {
-            let (newest, checkpoint, broken) = checkpoint::newest(path)?;
-            let broken =
-                broken.iter().map(|error| format!("{error}; resuming from {}", newest.display()));
-            (checkpoint, broken.collect())
-        }
-        false => (checkpoint::read(path)?, Vec::new()),
+    let (checkpoint, warnings) = if path.is_dir() {
+        let (newest, checkpoint, broken) = checkpoint::newest(path)?;
+        let broken =
+            broken.iter().map(|error| format!("{error}; resuming from {}", newest.display()));
+        (checkpoint, broken.collect())
+    } else {
+        (checkpoint::read(path)?, Vec::new())
     };
     match train_args::fixed().into_iter().find(|id| flags::is_typed(matches, id)) {
         Some(id) => {

@@ -226,9 +226,10 @@ pub(super) fn command(matches: &ArgMatches, args: &TrainArgs, checkpoint: &Path)
         };
         let values =
             matches.get_raw(id).into_iter().flatten().map(|v| quoted(&v.to_string_lossy()));
-        match arg.get_action().takes_values() {
-            true => values.for_each(|value| words.push(format!("--{long} {value}"))),
-            false => words.push(format!("--{long}")),
+        if arg.get_action().takes_values() {
+            values.for_each(|value| words.push(format!("--{long} {value}")))
+        } else {
+            words.push(format!("--{long}"))
         }
     }
     words.push(format!("--force --resume {}", quoted(&checkpoint.to_string_lossy())));
@@ -247,9 +248,10 @@ fn is_plain(word: &str, more: &str) -> bool {
 }
 
 fn quoted_for_posix(word: &str) -> String {
-    match is_plain(word, ",@%") {
-        true => word.to_owned(),
-        false => format!("'{}'", word.replace('\'', "'\\''")),
+    if is_plain(word, ",@%") {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
     }
 }
 

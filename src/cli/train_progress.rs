@@ -139,9 +139,10 @@ impl Bar {
             TrainEvent::Lost(error) => self.note_lost(error, "the training continues"),
             TrainEvent::Scene(..) => {}
         }
-        match self.stop.as_ref().is_some_and(Listener::is_asked) {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+        if self.stop.as_ref().is_some_and(Listener::is_asked) {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
         }
     }
 

@@ -24,9 +24,12 @@ fn wall() -> Mesh {
     };
     let squares = |z: f32| (0..256).flat_map(move |i| square(i % 16, i / 16, z));
     let positions: Vec<Vec3> = squares(0.0).chain(squares(0.5)).collect();
-    let color = |i: usize| match positions[i].z == 0.0 {
-        true => [0.4 + 0.2 * positions[i].x, 0.4 + 0.2 * positions[i].y, 0.3],
-        false => [1.0, 0.0, 1.0],
+    let color = |i: usize| {
+        if positions[i].z == 0.0 {
+            [0.4 + 0.2 * positions[i].x, 0.4 + 0.2 * positions[i].y, 0.3]
+        } else {
+            [1.0, 0.0, 1.0]
+        }
     };
     let colors = Colors::Face((0..positions.len() / 3).map(|f| color(3 * f)).collect());
     Mesh { positions, colors, ..Mesh::default() }

@@ -26,9 +26,10 @@ pub(super) fn sphere(gems: bool) -> Mesh {
     let (corners, faces) = octasphere(if gems { 2 } else { 5 });
     let positions: Vec<Vec3> =
         faces.iter().flat_map(|f| f.map(|i| 20.0 * corners[i as usize])).collect();
-    let colors = match gems {
-        true => Colors::Face((0..faces.len()).map(|i| [(i * 7 % 10) as f32 / 10.0; 3]).collect()),
-        false => Colors::Vertex(positions.iter().map(|p| around(*p)).collect()),
+    let colors = if gems {
+        Colors::Face((0..faces.len()).map(|i| [(i * 7 % 10) as f32 / 10.0; 3]).collect())
+    } else {
+        Colors::Vertex(positions.iter().map(|p| around(*p)).collect())
     };
     Mesh { shell: vec![gems; faces.len()], positions, colors, ..Mesh::default() }
 }
@@ -96,7 +97,7 @@ fn step_and_error(sky: &RgbImage, rows: [f32; 2], turn: impl Fn(Vec3) -> Vec3) -
         let wants = around(turn(direction(sky, pixel)));
         let off = apart(sky.rgb[pixel], wants.map(|c| (255.0 * srgb_from_linear(c)).round() as u8));
         worst = worst.max(off);
-        sum = sum + off;
+        sum += off;
     }
     (step, f64::from(sum) / ((last - first) * width) as f64, worst)
 }

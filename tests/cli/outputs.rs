@@ -50,9 +50,10 @@ pub(super) fn state(folder: &Path) -> Vec<(PathBuf, u64, std::time::SystemTime)>
     let mut all = Vec::new();
     for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
         let meta = entry.metadata().unwrap();
-        match meta.is_dir() {
-            true => all.extend(state(&entry.path())),
-            false => all.push((entry.path(), meta.len(), meta.modified().unwrap())),
+        if meta.is_dir() {
+            all.extend(state(&entry.path()))
+        } else {
+            all.push((entry.path(), meta.len(), meta.modified().unwrap()))
         }
     }
     all.sort();

@@ -65,9 +65,10 @@ fn rest(command: &str, flag: &str) -> Vec<&'static str> {
 fn each_command(command: &Command, name: &str, visit: &mut impl FnMut(&str, &Command)) {
     for below in command.get_subcommands().filter(|below| below.get_name() != "help") {
         let name = format!("{name} {}", below.get_name()).trim().to_owned();
-        match below.has_subcommands() {
-            true => each_command(below, &name, visit),
-            false => visit(&name, below),
+        if below.has_subcommands() {
+            each_command(below, &name, visit)
+        } else {
+            visit(&name, below)
         }
     }
 }

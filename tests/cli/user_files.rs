@@ -16,9 +16,10 @@ fn all(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut files = BTreeMap::new();
     for entry in std::fs::read_dir(folder).into_iter().flatten() {
         let path = entry.unwrap().path();
-        match path.is_dir() {
-            true => files.extend(all(&path)),
-            false => drop(files.insert(path.clone(), std::fs::read(&path).unwrap())),
+        if path.is_dir() {
+            files.extend(all(&path))
+        } else {
+            drop(files.insert(path.clone(), std::fs::read(&path).unwrap()))
         }
     }
     files

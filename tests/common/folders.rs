@@ -7,13 +7,10 @@ pub(crate) fn copy_folder(from: &Path, to: &Path) {
     std::fs::create_dir_all(to).unwrap();
     for entry in std::fs::read_dir(from).unwrap() {
         let (path, name) = entry.map(|entry| (entry.path(), entry.file_name())).unwrap();
-        match path.is_dir() {
-            true => copy_folder(&path, &to.join(name)),
-            false => assert!(
-                std::fs::copy(&path, to.join(name)).unwrap() > 0,
-                "{} is empty",
-                path.display()
-            ),
+        if path.is_dir() {
+            copy_folder(&path, &to.join(name))
+        } else {
+            assert!(std::fs::copy(&path, to.join(name)).unwrap() > 0, "{} is empty", path.display())
         }
     }
 }

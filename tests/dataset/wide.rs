@@ -89,8 +89,8 @@ fn a_point_lands_where_the_lens_shows_it_and_the_views_cover_the_field() {
             let point = (eye + rotation.transpose() * ray * 5.0).as_vec3();
             let places: Vec<_> =
                 views.iter().filter_map(|view| Some((view, view.camera.shows(point)?.0))).collect();
-            all = all + 1;
-            shown = shown + usize::from(!places.is_empty());
+            all += 1;
+            shown += usize::from(!places.is_empty());
             for (view, place) in places {
                 let camera = &view.camera;
                 let seen = ((place - camera.center) / camera.focal).as_dvec2().extend(1.0);

@@ -49,11 +49,10 @@ fn ply(offset: DVec3, is_soup: bool) -> Vec<u8> {
     for i in 0..10i32 {
         bytes.push(3);
         (3 * i..3 * i + 3).for_each(|v| bytes.extend(v.to_le_bytes()));
-        match is_soup {
-            true => {
-                [0.9f32, 0.01, 0.1, 0.2, 0.3].iter().for_each(|x| bytes.extend(x.to_le_bytes()))
-            }
-            false => bytes.extend([40, 80, 120]),
+        if is_soup {
+            [0.9f32, 0.01, 0.1, 0.2, 0.3].iter().for_each(|x| bytes.extend(x.to_le_bytes()))
+        } else {
+            bytes.extend([40, 80, 120])
         }
     }
     bytes

@@ -177,9 +177,10 @@ pub(crate) fn mesh(faces: usize, per_face: bool, indexed: bool, opacity: bool) -
     let color = |i: usize| [0, 1, 2].map(|c| linear_from_srgb(f32::from(code(i, c)) / 255.0));
     Mesh {
         positions: (0..count).map(|v| Vec3::from([0, 1, 2].map(|a| axis(v, a)))).collect(),
-        colors: match per_face {
-            true => Colors::Face((0..faces).map(color).collect()),
-            false => Colors::Vertex((0..count).map(color).collect()),
+        colors: if per_face {
+            Colors::Face((0..faces).map(color).collect())
+        } else {
+            Colors::Vertex((0..count).map(color).collect())
         },
         indices: if indexed {
             (0..faces as u32).flat_map(|f| [f + 1, f, f + 2]).collect()

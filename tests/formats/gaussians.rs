@@ -69,9 +69,10 @@ fn every_format_of_gaussians_is_named_and_has_a_remedy() {
     for (name, kind, content) in cases {
         let message = refusal(folder.path(), name, &content);
         let is_read = !["a.ksplat", "meta.json"].contains(&name);
-        let (what, remedy) = match is_read {
-            true => (format!("({kind})"), "trisplat bake"),
-            false => (format!("as {kind}"), "which is not read; save them as PLY"),
+        let (what, remedy) = if is_read {
+            (format!("({kind})"), "trisplat bake")
+        } else {
+            (format!("as {kind}"), "which is not read; save them as PLY")
         };
         assert!(
             message.contains(&format!("{name}: holds 3D Gaussians {what}")),

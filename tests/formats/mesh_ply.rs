@@ -113,9 +113,10 @@ fn colors_of_every_type_and_name_are_understood() {
                 let properties: Vec<&str> = properties.iter().map(String::as_str).collect();
                 let cells: Vec<Cell> =
                     code.into_iter().chain([102]).take(count).map(cell).collect();
-                let elements = match at_face {
-                    true => triangle(&[], &[], &properties, &cells),
-                    false => triangle(&properties, &cells, &[], &[]),
+                let elements = if at_face {
+                    triangle(&[], &[], &properties, &cells)
+                } else {
+                    triangle(&properties, &cells, &[], &[])
                 };
                 let (mesh, _, warnings) =
                     loaded_mesh(read(source(&ply(encoding, &elements)), &OPTIONS));

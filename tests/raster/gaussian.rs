@@ -32,9 +32,10 @@ fn flatten(splats: &Splats, camera: &Camera, near: f64) -> Vec<Flat> {
         let entry = |a: usize, b: usize| rows[a].dot(solid * rows[b]);
         let sharp = DMat2::from_cols_array(&[entry(0, 0), entry(0, 1), entry(1, 0), entry(1, 1)]);
         let blurred = sharp + DMat2::from_diagonal(DVec2::splat(splats.filter.variance.into()));
-        let kept = match splats.filter.keeps_light {
-            true => (sharp.determinant().max(0.0) / blurred.determinant()).sqrt(),
-            false => 1.0,
+        let kept = if splats.filter.keeps_light {
+            (sharp.determinant().max(0.0) / blurred.determinant()).sqrt()
+        } else {
+            1.0
         };
         let middle = at.truncate() / at.z * focal + camera.center.as_dvec2();
         let opacity = f64::from(splats.opacity[i]) * kept;

@@ -221,9 +221,10 @@ fn move_files(from: &Path, to: &Path, shift: f64) {
     let rewrite = |name: &str, change: &dyn Fn(usize, &str) -> String| {
         let text = std::fs::read_to_string(from.join(name)).unwrap();
         let mut data = 0;
-        let lines = text.lines().map(|line| match line.starts_with('#') {
-            true => line.to_owned(),
-            false => {
+        let lines = text.lines().map(|line| {
+            if line.starts_with('#') {
+                line.to_owned()
+            } else {
                 data += 1;
                 change(data - 1, line)
             }

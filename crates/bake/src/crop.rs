@@ -123,14 +123,13 @@ fn kept(
         let wants = "a box or a sphere, or photos: `dataset`, as the file stores no cameras";
         return Err(Error::invalid("crop", words(), wants));
     }
-    let (of_subject, volume) = match options.is_subject() {
-        true => {
-            let wants = "a scene in which one thing stands out, or a box or a sphere";
-            let found = subject::subject(scene, cameras, up);
-            let (keep, volume) = found.ok_or_else(|| Error::invalid("crop", words(), wants))?;
-            (keep, Some(volume))
-        }
-        false => (Vec::new(), None),
+    let (of_subject, volume) = if options.is_subject() {
+        let wants = "a scene in which one thing stands out, or a box or a sphere";
+        let found = subject::subject(scene, cameras, up);
+        let (keep, volume) = found.ok_or_else(|| Error::invalid("crop", words(), wants))?;
+        (keep, Some(volume))
+    } else {
+        (Vec::new(), None)
     };
     let holds = |i: usize| {
         of_subject.get(i).is_none_or(|keep| *keep) && is_inside(scene.corners(i), cameras, options)

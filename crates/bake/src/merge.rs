@@ -46,9 +46,10 @@ pub fn merge(mut inputs: Vec<ImportedScene>) -> Result<ImportedScene> {
             }
         };
         // Cameras of only one part would let the other parts be dropped.
-        all.cameras = match all.cameras.is_empty() || next.cameras.is_empty() {
-            true => Vec::new(),
-            false => [all.cameras, next.cameras].concat(),
+        all.cameras = if all.cameras.is_empty() || next.cameras.is_empty() {
+            Vec::new()
+        } else {
+            [all.cameras, next.cameras].concat()
         };
         all.provenance = merge_provenance(all.provenance, next.provenance)?;
         all.warnings.extend(next.warnings);

@@ -65,9 +65,10 @@ impl MeshOptions {
     /// Refuses a texture when no photos are given.
     pub fn check_photos(&self, given: bool) -> Result<()> {
         let wants = "photos: give the data set after the scene, as in trisplat mesh scene.ply photos --texture -o room.glb";
-        match self.texture.is_wanted() && !given {
-            true => Err(Error::invalid("texture", "given without photos", wants)),
-            false => Ok(()),
+        if self.texture.is_wanted() && !given {
+            Err(Error::invalid("texture", "given without photos", wants))
+        } else {
+            Ok(())
         }
     }
 }
@@ -96,10 +97,10 @@ pub fn mesh(
     let known = if cameras.is_empty() { scene.cameras.clone() } else { cameras.to_vec() };
     // A surface that shows photos gets their background, too; a cropped part gets none.
     let behind =
-        match options.texture.is_wanted() && !options.surface.shell && options.crop.crop.is_empty()
-        {
-            true => take_behind(&mut scene, &known)?,
-            false => Mesh::default(),
+        if options.texture.is_wanted() && !options.surface.shell && options.crop.crop.is_empty() {
+            take_behind(&mut scene, &known)?
+        } else {
+            Mesh::default()
         };
     if !options.surface.shell {
         scene.take_backdrop();

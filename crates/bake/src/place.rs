@@ -186,13 +186,10 @@ pub fn place(
     parallel::for_each_mut(&mut mesh.positions, 1 << 14, |_, p| *p = transform(*p));
     let rotation = placement.rotation();
     mesh.normals.iter_mut().for_each(|n| *n = (rotation * n.as_dvec3()).as_vec3());
-    match all_finite(bytemuck::cast_slice(&mesh.positions)) {
-        false => Err(Error::invalid(
-            "scale",
-            placement.scale,
-            "a factor that keeps every position finite",
-        )),
-        true => Ok(Outcome::Changed(())),
+    if !all_finite(bytemuck::cast_slice(&mesh.positions)) {
+        Err(Error::invalid("scale", placement.scale, "a factor that keeps every position finite"))
+    } else {
+        Ok(Outcome::Changed(()))
     }
 }
 

@@ -95,18 +95,20 @@ impl<'a> Recipe<'a> {
         let mesh = self.reshape(mesh, pictures.any(), traits)?;
         let mesh = self.sides(mesh, &cameras.of_photos)?;
         let (mesh, shell) = self.part_shell(mesh, &cameras.watching);
-        let shell = match is_single {
-            true => self.whole_shell(shell, &mesh, apart, &cameras.watching),
-            false => shell,
+        let shell = if is_single {
+            self.whole_shell(shell, &mesh, apart, &cameras.watching)
+        } else {
+            shell
         };
         let shell = self.soft_shell(shell, mesh.face_count() + apart, pictures.any().is_some());
         let behind = joined(given, shell)?;
 
         // Levels are made from the scene at this point, and placed like it.
         let faces = mesh.face_count();
-        let lod = match self.options.tiles.tiles {
-            true => LodOptions { lod: self.options.tiles.shares(faces) },
-            false => self.options.lod.clone(),
+        let lod = if self.options.tiles.tiles {
+            LodOptions { lod: self.options.tiles.shares(faces) }
+        } else {
+            self.options.lod.clone()
         };
         let unpainted = if lod.lod.is_empty() { Mesh::default() } else { mesh.clone() };
         let sky = self.sky(&mesh, behind.as_ref(), pictures.any(), &cameras.watching)?;
@@ -221,9 +223,10 @@ impl<'a> Recipe<'a> {
         let draws_none = self.options.teacher.teacher == TeacherWhen::Off
             && options.background == BackgroundFrom::Auto;
         self.report.stage(self.observer, loaded, ImportedScene::counts, |loaded, details| {
-            Ok(match draws_none {
-                true => Outcome::Skipped("`teacher` off: no pictures are drawn"),
-                false => background(loaded, photos, options, details),
+            Ok(if draws_none {
+                Outcome::Skipped("`teacher` off: no pictures are drawn")
+            } else {
+                background(loaded, photos, options, details)
             })
         })
     }

@@ -177,9 +177,10 @@ pub fn refit(
         let revived = accumulator.fit.revive(mesh, behind);
         shell_colors::paint(mesh, behind, &accumulator.fit);
         details.revived = (revived > 0).then_some(revived);
-        let outcome = match behind < mesh.face_count() || revived > 0 {
-            true => Outcome::Changed(()),
-            false => Outcome::Skipped("held-out photos match the present colours better"),
+        let outcome = if behind < mesh.face_count() || revived > 0 {
+            Outcome::Changed(())
+        } else {
+            Outcome::Skipped("held-out photos match the present colours better")
         };
         return Ok(Refitted {
             outcome,
@@ -236,9 +237,10 @@ fn first_pass(
     let flat_seen = psnr_of(mesh, views, &held_out, accumulator.fit.colors(RefitColors::Flat))?;
     details.record(&evaluation, flat_seen);
     let is_better = !(evaluation.gain(flat_seen) < 0.0);
-    Ok(match is_better {
-        true => (Some(which), unseen(None)),
-        false => (None, unseen(Some(evaluation.unseen_before(flat_seen)))),
+    Ok(if is_better {
+        (Some(which), unseen(None))
+    } else {
+        (None, unseen(Some(evaluation.unseen_before(flat_seen))))
     })
 }
 

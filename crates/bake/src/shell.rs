@@ -69,8 +69,8 @@ pub(super) fn cut(shell: &Mesh) -> Mesh {
         positions.extend([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca]);
         for place in [a, b, c, ab, bc, ca] {
             let (sum, count) = sums.entry(place_bits(place)).or_default();
-            *sum = *sum + (colors[0] + colors[1] + colors[2]) / 3.0;
-            *count = *count + 1.0;
+            *sum += (colors[0] + colors[1] + colors[2]) / 3.0;
+            *count += 1.0;
         }
     }
     let color = |place: &Vec3| {
@@ -85,9 +85,10 @@ pub(super) fn cut(shell: &Mesh) -> Mesh {
 /// The middle of `cameras`, or that of `shell`: where it is open to one side, this may lie behind
 /// some of it.
 pub(super) fn middle(shell: &Mesh, cameras: &[Camera]) -> Vec3 {
-    match cameras.is_empty() {
-        true => mean((0..shell.face_count()).map(|face| shell.centroid(face))),
-        false => mean(cameras.iter().map(Camera::position)),
+    if cameras.is_empty() {
+        mean((0..shell.face_count()).map(|face| shell.centroid(face)))
+    } else {
+        mean(cameras.iter().map(Camera::position))
     }
 }
 

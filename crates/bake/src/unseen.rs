@@ -153,11 +153,12 @@ pub fn unseen(
     let kept_unseen =
         if hidden as f64 <= FEW_HIDDEN * ranked.len() as f64 { outside + hidden } else { outside };
     // Faces that are seen enough come first among the seen ones.
-    let seen = match options.keep_unseen {
-        true => visible,
-        false => ranked[..visible]
+    let seen = if options.keep_unseen {
+        visible
+    } else {
+        ranked[..visible]
             .partition_point(|&f| f64::from(visible_area[f as usize]) >= options.min_seen_px)
-            .max(1),
+            .max(1)
     };
     let needed =
         if options.keep_unseen || visible == 0 { ranked.len() } else { seen + kept_unseen };

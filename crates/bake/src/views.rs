@@ -89,10 +89,7 @@ impl Views {
     /// no weight; else it is the background of an object.
     pub fn of_pictures(dataset: &Dataset, options: &DatasetOptions, covered: f64) -> Self {
         let views = Self { drawn: Some(covered), ..Self::new(dataset, options) };
-        match covered >= SURROUNDED {
-            true => Self { cut: Vec::new(), masked: false, ..views },
-            false => views,
-        }
+        if covered >= SURROUNDED { Self { cut: Vec::new(), masked: false, ..views } } else { views }
     }
 
     /// Pictures drawn for `cameras` in the frame of the scene, over black; their alpha is the
@@ -227,9 +224,10 @@ impl Views {
     /// covered by the object. Fails when its file cannot be decoded.
     pub fn photo(&mut self, view: usize) -> Result<Arc<RgbImage>> {
         let photo = self.taken(view)?;
-        Ok(match self.is_cut(view) && photo.alpha.is_some() {
-            true => Arc::new(photo.undimmed()),
-            false => photo,
+        Ok(if self.is_cut(view) && photo.alpha.is_some() {
+            Arc::new(photo.undimmed())
+        } else {
+            photo
         })
     }
 
@@ -305,17 +303,15 @@ impl Views {
                 let options = SolidRasterOptions { background, ..options };
                 measure(photo, &solid.render(mesh, self.camera(view), &options))
             };
-            let of_view = match cut {
-                false => scores(&photo, options.background),
-                // Over black and over white, so that neither colour passes for background.
-                true => {
-                    let of = |code: u8| {
-                        (photo.over_instead_of_black([code; 3]), [f32::from(code) / 255.0; 3])
-                    };
-                    let [black, white] = [of(0), of(255)];
-                    let [black, white] = [scores(&black.0, black.1), scores(&white.0, white.1)];
-                    std::array::from_fn(|i| (black[i] + white[i]) / 2.0)
-                }
+            let of_view = if !cut {
+                scores(&photo, options.background)
+            } else {
+                let of = |code: u8| {
+                    (photo.over_instead_of_black([code; 3]), [f32::from(code) / 255.0; 3])
+                };
+                let [black, white] = [of(0), of(255)];
+                let [black, white] = [scores(&black.0, black.1), scores(&white.0, white.1)];
+                std::array::from_fn(|i| (black[i] + white[i]) / 2.0)
             };
             sums.iter_mut().zip(of_view).for_each(|(sum, score)| *sum += score);
         }

@@ -55,9 +55,10 @@ fn read_images(bytes: &mut BinaryFile, observations: bool, model: &mut Model) ->
         let rotation = colmap_model::rotation(quaternion, translation, format!("{id} `{name}`"));
         let rotation = rotation.map_err(|reason| bytes.malformed(reason))?;
         let seen = bytes.count("2D points", 24)?;
-        let observations = match observations {
-            true => read_observations(bytes, seen)?,
-            false => bytes.skip(24 * seen as u64).map(|()| Vec::new())?,
+        let observations = if observations {
+            read_observations(bytes, seen)?
+        } else {
+            bytes.skip(24 * seen as u64).map(|()| Vec::new())?
         };
         model.images.push(ImageRow { name, camera, rotation, translation, observations });
     }

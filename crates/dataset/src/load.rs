@@ -42,12 +42,10 @@ impl Dataset {
 
     /// True for a file or folder with camera poses that [`Dataset::load`] can read.
     pub fn is_posed(path: &Path) -> bool {
-        match path.is_dir() {
-            true => {
-                colmap::locate(path).is_some()
-                    || LISTS.iter().any(|(_, find, _)| find(path).is_some())
-            }
-            false => path.is_file() && reader(path).is_some(),
+        if path.is_dir() {
+            colmap::locate(path).is_some() || LISTS.iter().any(|(_, find, _)| find(path).is_some())
+        } else {
+            path.is_file() && reader(path).is_some()
         }
     }
 

@@ -65,8 +65,8 @@ fn agree(seen: &[Sight], points: usize) -> bool {
         // Points of the background are masked more often by the silhouettes of an object before
         // them.
         if all >= MIN_OBSERVATIONS && 4 * kept >= 3 * all {
-            objects = objects + 1;
-            shown = shown + all;
+            objects += 1;
+            shown += all;
             masked = masked + all - kept;
         }
     }

@@ -233,10 +233,7 @@ fn filled(template: &str, name: &str, scene: &EngineScene, sizes: &[String]) -> 
 fn class(name: &str) -> String {
     let plain: String =
         name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
-    match plain == name {
-        true => plain,
-        false => format!("{plain}_{:08x}", xxh3_64(name.as_bytes()) as u32),
-    }
+    if plain == name { plain } else { format!("{plain}_{:08x}", xxh3_64(name.as_bytes()) as u32) }
 }
 
 /// Three levels of a cube about (1, 2, 3) whose corners are 3 units from there.

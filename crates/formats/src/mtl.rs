@@ -138,9 +138,10 @@ impl Materials {
         let is_colored = matches!(&mesh.colors, Colors::Vertex(colors) if !colors.is_empty());
         let mut pictures = Pictures::default();
         let mut painted = Vec::new();
-        let mut colors = match is_colored {
-            true => (0..mesh.face_count()).map(|face| mean(mesh.corner_colors(face))).collect(),
-            false => vec![[1.0f32; 3]; mesh.face_count()],
+        let mut colors = if is_colored {
+            (0..mesh.face_count()).map(|face| mean(mesh.corner_colors(face))).collect()
+        } else {
+            vec![[1.0f32; 3]; mesh.face_count()]
         };
         let mut end = 0;
         for run in self.of_face.chunk_by(|a, b| a == b) {
@@ -156,9 +157,10 @@ impl Materials {
             let Some(laid) = &material.picture else { continue };
             let image = pictures.number(path, &laid.name, options);
             let texture = pictures.textures.entry(image).or_insert_with(|| {
-                let read = match uvs.is_empty() {
-                    true => Err(Error::unsupported(path, "its faces have no texture coordinates")),
-                    false => picture(path, &laid.name, options),
+                let read = if uvs.is_empty() {
+                    Err(Error::unsupported(path, "its faces have no texture coordinates"))
+                } else {
+                    picture(path, &laid.name, options)
                 };
                 let name = excerpt(&self.names[number]);
                 let unread =

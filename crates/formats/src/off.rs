@@ -232,10 +232,8 @@ impl FileColors {
         warnings: &mut Vec<String>,
     ) -> Result<(Vec<[f32; 3]>, Vec<f32>)> {
         let mut clamped = Clamped::default();
-        let mut unit = |value: f32| match self.floats {
-            true => clamped.channel(value),
-            false => value / 255.0,
-        };
+        let mut unit =
+            |value: f32| if self.floats { clamped.channel(value) } else { value / 255.0 };
         let mut colors = Vec::new();
         let mut alphas = Vec::new();
         colors.reserve_exact(self.rows.len());

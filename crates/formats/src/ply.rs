@@ -82,9 +82,10 @@ pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<Imported
     let comments = header.comments.iter().map(String::as_str);
     let provenance = lines::from_comments(comments, &mut warnings);
     let packed = header.element("vertex").is_some_and(|vertices| vertices.has("packed_position"));
-    let (splats, origin) = match packed {
-        true => (splats::read_packed(&source, &header, options)?, DVec3::ZERO),
-        false => splats::read(&source, &header, options, &mut warnings)?,
+    let (splats, origin) = if packed {
+        (splats::read_packed(&source, &header, options)?, DVec3::ZERO)
+    } else {
+        splats::read(&source, &header, options, &mut warnings)?
     };
     crate::splats::finish(&source.path, splats, provenance, warnings, origin)
 }

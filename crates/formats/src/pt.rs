@@ -349,15 +349,12 @@ fn check_archive(source: &mut Source) -> Result<()> {
 fn other_archive(names: &[String]) -> &'static str {
     let has = |ending: &str| names.iter().any(|name| name.to_ascii_lowercase().ends_with(ending));
     let photos = ["jpg", "jpeg", "png", "heic", "tif", "tiff"];
-    match photos.into_iter().any(has)
+    if photos.into_iter().any(has)
         && !["ply", "obj", "glb", "gltf", "usdc", "usda"].into_iter().any(has)
     {
-        true => {
-            "is a zip archive of photos; unpack it: `trisplat make` makes a scene of the folder"
-        }
-        false => {
-            "is a zip archive, and neither a checkpoint nor SOG; unpack it and give the file inside"
-        }
+        "is a zip archive of photos; unpack it: `trisplat make` makes a scene of the folder"
+    } else {
+        "is a zip archive, and neither a checkpoint nor SOG; unpack it and give the file inside"
     }
 }
 

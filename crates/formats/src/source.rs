@@ -36,33 +36,26 @@ impl Source {
         let (file, len) = match path.as_os_str() == "-" {
             true => input::spool(path, &mut std::io::stdin().lock(), limits)?,
             false if path.is_dir() => {
-                let reason = match path.join("scene.ply").is_file() && path.join("photos").is_dir()
-                {
-                    true => format!(
+                let reason = if path.join("scene.ply").is_file() && path.join("photos").is_dir() {
+                    format!(
                         "is a folder of `trisplat make`: its scene is {0}/scene.ply, its data set {0}/photos",
                         path.display()
-                    ),
-                    false => format!(
-                        "is a folder; give {ACCEPTED}; `trisplat make` makes a scene of photos"
-                    ),
+                    )
+                } else {
+                    format!("is a folder; give {ACCEPTED}; `trisplat make` makes a scene of photos")
                 };
                 return Err(Error::unsupported(path, reason));
             }
             false => input::open(path, limits)?,
         };
-        let (file, len) = match is_packed(path) {
-            true => unpacked(path, file, len, limits)?,
-            false => (file, len),
-        };
+        let (file, len) =
+            if is_packed(path) { unpacked(path, file, len, limits)? } else { (file, len) };
         Ok(Self { path: path.to_owned(), file: Arc::new(file), len })
     }
 
     /// Its name without the ending of a compressed file.
     pub fn named(&self) -> PathBuf {
-        match is_packed(&self.path) {
-            true => self.path.with_extension(""),
-            false => self.path.clone(),
-        }
+        if is_packed(&self.path) { self.path.with_extension("") } else { self.path.clone() }
     }
 
     /// The same open file again, at byte 0. Both share their position: use one at a time.

@@ -289,9 +289,10 @@ impl EvalStep {
     /// Draws a view and measures it against its photo; objects over black and over white.
     fn measured(&mut self, view: &View, photo: &RgbImage) -> ScoredPicture {
         let mut draw = |background| self.renderer.color_over(&view.camera, background);
-        match view.photo.is_cut() && photo.alpha.is_some() {
-            false => scores::measure(self.name, &view.name, photo, draw(None)),
-            true => scores::measure_cut(self.name, &view.name, photo, |color| draw(Some(color))),
+        if !(view.photo.is_cut() && photo.alpha.is_some()) {
+            scores::measure(self.name, &view.name, photo, draw(None))
+        } else {
+            scores::measure_cut(self.name, &view.name, photo, |color| draw(Some(color)))
         }
     }
 }

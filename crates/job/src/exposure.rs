@@ -153,9 +153,10 @@ fn train(
         TrainBegins { part: TrainPart::Trial, steps: options.steps, ..TrainBegins::default() };
     let run = TrainRun::new(fold, &options).with_dataset_options(how);
     let trained = run.run(&mut begin(observer, &begins)?)?;
-    match trained.stopped {
-        true => Err(stopped("a short training that leaves some photos out", &trained)),
-        false => Ok(trained),
+    if trained.stopped {
+        Err(stopped("a short training that leaves some photos out", &trained))
+    } else {
+        Ok(trained)
     }
 }
 

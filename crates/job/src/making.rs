@@ -124,9 +124,12 @@ impl StoredTraining {
     /// The score of a run before `self` with less effort, if `last` was one, or knows it.
     fn after(mut self, last: Option<&Self>) -> Self {
         let last = last.filter(|last| last.photos == self.photos);
-        self.earlier = last.and_then(|last| match last.key == self.key {
-            true => last.earlier,
-            false => last.psnr.filter(|_| last.effort < self.effort),
+        self.earlier = last.and_then(|last| {
+            if last.key == self.key {
+                last.earlier
+            } else {
+                last.psnr.filter(|_| last.effort < self.effort)
+            }
         });
         self
     }

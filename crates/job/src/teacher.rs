@@ -94,9 +94,10 @@ pub(super) fn teacher_options(
     let share = |count: u64, share: f64| ((count as f64 * share) as u64).max(1);
     let preset = TrainOptions::preset(TrainPreset::Outdoor);
     let triangles_given = run.is_given("max_triangles");
-    let max_triangles = match has_budget && !triangles_given {
-        true => preset.max_triangles,
-        false => share(run.options.max_triangles, TRIANGLES_SHARE),
+    let max_triangles = if has_budget && !triangles_given {
+        preset.max_triangles
+    } else {
+        share(run.options.max_triangles, TRIANGLES_SHARE)
     };
     let steps = share(run.options.steps, STEPS_SHARE);
     let TrainOptions { seed, exposure, .. } = run.options;

@@ -245,18 +245,11 @@ impl TrainJob {
         }
         let clock = Instant::now();
         // Short trainings do not obey a limit of the run's own steps.
-        let decision = match self.outputs.max_cpu_secs > 0.0 {
-            true => ExposureDecision::AsTaken("the run may end early (`max_cpu_secs`)"),
-            false => {
-                let budget_secs = self.budget.map(|budget| budget.seconds.0);
-                exposure::decide(
-                    &self.dataset,
-                    options,
-                    budget_secs,
-                    &self.dataset_options,
-                    observer,
-                )?
-            }
+        let decision = if self.outputs.max_cpu_secs > 0.0 {
+            ExposureDecision::AsTaken("the run may end early (`max_cpu_secs`)")
+        } else {
+            let budget_secs = self.budget.map(|budget| budget.seconds.0);
+            exposure::decide(&self.dataset, options, budget_secs, &self.dataset_options, observer)?
         };
         let name = ExposureEvidence::STAGE;
         Ok(Some(match decision {

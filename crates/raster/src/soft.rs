@@ -144,7 +144,6 @@ fn fill<T: Send>(
             for (x, out) in row.iter_mut().enumerate() {
                 let tile = &pixels[band * tiles.count.x as usize + x / TILE as usize];
                 let x = x % TILE as usize;
-                let y = y;
                 *out = at(tile, (y / 4) * 4 + x / 4, (y % 4) * 4 + x % 4);
             }
         }

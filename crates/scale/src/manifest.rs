@@ -456,11 +456,10 @@ pub(super) fn read(folder: &Path, source: &Source, limits: &Limits) -> Result<Im
     }
     let options = ReadOptions { sh_degree: 3, limits: *limits, ..ReadOptions::default() };
     let loaded = formats::read(&path, &options)?;
-    match loaded.scene.triangle_count() as u64 == source.triangles {
-        true => Ok(loaded),
-        false => {
-            Err(Error::unsupported(&path, "has other triangles than were planned; plan again"))
-        }
+    if loaded.scene.triangle_count() as u64 == source.triangles {
+        Ok(loaded)
+    } else {
+        Err(Error::unsupported(&path, "has other triangles than were planned; plan again"))
     }
 }
 

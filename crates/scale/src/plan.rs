@@ -294,9 +294,10 @@ impl<'a> Cutter<'a> {
         };
         let middles = middles(soup);
         let points = &planner.dataset.points;
-        let space = match points.is_empty() {
-            true => SceneNormalization::new(cameras, &middles),
-            false => SceneNormalization::of(cameras, points.len(), |i| points[i].position),
+        let space = if points.is_empty() {
+            SceneNormalization::new(cameras, &middles)
+        } else {
+            SceneNormalization::of(cameras, points.len(), |i| points[i].position)
         };
         Ok(Self { planner, scene, soup, space, views, cameras, middles })
     }
@@ -392,9 +393,12 @@ impl<'a> Cutter<'a> {
         let is_shell = |i: usize| self.soup.is_shell(i);
         // None that is only drawn may reach into the halo: what it hides would be missing once it
         // is gone.
-        let is_trained = |i: usize| match is_shell(i) {
-            true => block.core.contains(self.middles[i]),
-            false => block.halo.touches(&self.soup.vertices[i]),
+        let is_trained = |i: usize| {
+            if is_shell(i) {
+                block.core.contains(self.middles[i])
+            } else {
+                block.halo.touches(&self.soup.vertices[i])
+            }
         };
         let all = 0..self.soup.len();
         let frozen: Vec<usize> = all.clone().filter(|&i| visible[i] && !is_trained(i)).collect();

@@ -70,10 +70,7 @@ pub(super) fn extent(middles: &[Vec3]) -> Vec3 {
         let mut along: Vec<f32> = middles.iter().map(|p| p[a]).collect();
         along.sort_unstable_by(f32::total_cmp);
         let skipped = along.len() / 20;
-        match along.is_empty() {
-            true => 0.0,
-            false => along[along.len() - 1 - skipped] - along[skipped],
-        }
+        if along.is_empty() { 0.0 } else { along[along.len() - 1 - skipped] - along[skipped] }
     }))
 }
 

@@ -241,9 +241,10 @@ impl Draft {
             [low.x, low.y, high.x, high.y].map(f32::to_bits),
         );
         let next = self.patches.len() as u32;
-        let number = match of.is_none() || tints == [tints[0]; 3] {
-            true => *self.patch_numbers.entry(key).or_insert(next),
-            false => next,
+        let number = if of.is_none() || tints == [tints[0]; 3] {
+            *self.patch_numbers.entry(key).or_insert(next)
+        } else {
+            next
         };
         if number == next {
             self.patches.push(Patch { picture, tints, uvs });

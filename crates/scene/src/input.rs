@@ -177,10 +177,7 @@ pub fn files_below(folder: &Path) -> Vec<PathBuf> {
         // Links may lead in a circle.
         let is_new = std::fs::canonicalize(&folder).is_ok_and(|full| seen.insert(full));
         for path in is_new.then(|| entries(&folder)).into_iter().flatten() {
-            match path.is_dir() {
-                true => folders.push(path),
-                false => files.push(path),
-            }
+            if path.is_dir() { folders.push(path) } else { files.push(path) }
         }
     }
     files

@@ -441,7 +441,7 @@ impl Mesh {
         let v = self.vertex_count();
         let f = self.face_count();
         let shape = |what: &str, got: usize, wants: String| Err(Error::invalid(what, got, wants));
-        if self.indices.is_empty() && v % 3 != 0 {
+        if self.indices.is_empty() && !v.is_multiple_of(3) {
             return shape(
                 "mesh vertex count",
                 v,

@@ -161,9 +161,12 @@ fn pairs(cameras: usize, points: usize) -> impl Iterator<Item = (usize, usize)> 
     let camera = Rng::new(SEED, "space camera", 0);
     let point = Rng::new(SEED, "space point", 0);
     let below = |random: u64, count: usize| (random % count as u64) as usize;
-    (0..all.min(PAIRS)).map(move |i| match all <= PAIRS {
-        true => (i % cameras, i / cameras),
-        false => (below(camera.bits(i as u64), cameras), below(point.bits(i as u64), points)),
+    (0..all.min(PAIRS)).map(move |i| {
+        if all <= PAIRS {
+            (i % cameras, i / cameras)
+        } else {
+            (below(camera.bits(i as u64), cameras), below(point.bits(i as u64), points))
+        }
     })
 }
 

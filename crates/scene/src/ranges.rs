@@ -98,9 +98,10 @@ fn within(key: &str, value: f64, (low, high): (f64, f64), called: Called) -> Res
         Called::ByKey => key,
         Called::ByFlag => key.rsplit('.').next().unwrap_or(key),
     };
-    match (low..=high).contains(&value) {
-        true => Ok(()),
-        false => Err(Error::invalid(option, value, words(low, high))),
+    if (low..=high).contains(&value) {
+        Ok(())
+    } else {
+        Err(Error::invalid(option, value, words(low, high)))
     }
 }
 

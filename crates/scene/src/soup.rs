@@ -61,9 +61,10 @@ impl Soup {
     /// Flags exactly these triangles as the shell.
     pub fn set_shell(&mut self, triangles: std::ops::Range<usize>) {
         let count = self.len();
-        self.shell = match triangles.start < triangles.end.min(count) {
-            true => (0..count).map(|i| triangles.contains(&i)).collect(),
-            false => Vec::new(),
+        self.shell = if triangles.start < triangles.end.min(count) {
+            (0..count).map(|i| triangles.contains(&i)).collect()
+        } else {
+            Vec::new()
         };
     }
 

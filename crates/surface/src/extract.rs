@@ -69,10 +69,7 @@ pub fn surface_of_part(
     progress: &mut StageProgress<'_>,
 ) -> Result<Option<Mesh>> {
     options.validate()?;
-    let chosen = match cameras.is_empty() {
-        true => Viewpoints::of(scene, 0),
-        false => None,
-    };
+    let chosen = if cameras.is_empty() { Viewpoints::of(scene, 0) } else { None };
     let cameras = chosen.as_ref().map_or(cameras, |viewpoints| &viewpoints.cameras);
     if cameras.is_empty() {
         return Ok(None);

@@ -51,12 +51,13 @@ fn corner(i: usize) -> IVec3 {
 /// Distances at the corners of a cell; `None` when one is not known or the surface is not in it.
 fn corners(field: &Field, index: usize, cell: IVec3, local: usize) -> Option<[f32; CORNERS]> {
     let inner = within(local).max_element() < SIDE - 1;
-    let distance = |i: usize| match inner {
-        true => {
+    let distance = |i: usize| {
+        if inner {
             let step = corner(i).dot(IVec3::new(1, SIDE, SIDE * SIDE));
             field.blocks[index].distance[local + step as usize]
+        } else {
+            field.distance(cell + corner(i))
         }
-        false => field.distance(cell + corner(i)),
     };
     let first = distance(0);
     if first.is_nan() {

@@ -51,8 +51,8 @@ pub(super) fn simplify(mesh: &mut Mesh, most: usize) -> Result<Option<Simplified
     let whole = size(mesh);
     let mut error = 0.0;
     while mesh.face_count() > most.saturating_mul(MAX_FACES_PER_KEPT_FACE) {
-        error = error + cluster(mesh, side);
-        side = side * NEXT_CELL;
+        error += cluster(mesh, side);
+        side *= NEXT_CELL;
     }
     let mut fewest = mesh.face_count();
     while mesh.face_count() > most {
@@ -62,22 +62,20 @@ pub(super) fn simplify(mesh: &mut Mesh, most: usize) -> Result<Option<Simplified
         // that there were.
         if size(&collapsed).cmpge(MIN_SIZE * whole).all() && collapsed.face_count() > 0 {
             *mesh = collapsed;
-            error = error + moved;
+            error += moved;
         }
         if mesh.face_count() > most {
             fewest = mesh.face_count();
-            error = error + cluster(mesh, side);
-            side = side * NEXT_CELL;
+            error += cluster(mesh, side);
+            side *= NEXT_CELL;
         }
     }
-    match check(mesh, most) {
-        true => Ok(Some(Simplified { error, pieces })),
-        false => {
-            let wants = format!(
-                "more: of this surface {fewest} triangles are left, and with fewer nothing"
-            );
-            Err(Error::invalid("max_triangles", most, wants))
-        }
+    if check(mesh, most) {
+        Ok(Some(Simplified { error, pieces }))
+    } else {
+        let wants =
+            format!("more: of this surface {fewest} triangles are left, and with fewer nothing");
+        Err(Error::invalid("max_triangles", most, wants))
     }
 }
 

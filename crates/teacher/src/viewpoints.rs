@@ -42,9 +42,10 @@ impl Viewpoints {
     /// Those of `scene`: all stored cameras, with others between them up to `max_bytes` of 8-bit
     /// pictures, or chosen ones. `None` without stored cameras and without visible triangles.
     pub fn of(scene: &ImportedScene, max_bytes: u64) -> Option<Self> {
-        match scene.cameras.is_empty() {
-            true => Search::new(scene, false)?.viewpoints(PICTURES),
-            false => Some(Self::stored(with_between(&scene.cameras, max_bytes))),
+        if scene.cameras.is_empty() {
+            Search::new(scene, false)?.viewpoints(PICTURES)
+        } else {
+            Some(Self::stored(with_between(&scene.cameras, max_bytes)))
         }
     }
 
@@ -58,9 +59,10 @@ impl Viewpoints {
         stored: &[Camera],
         (count, longer_px): (usize, u32),
     ) -> Option<Self> {
-        match stored.is_empty() {
-            true => Search::new(stand_in, true)?.of_splats(splats, count, longer_px),
-            false => Some(Self::stored(stored.to_vec())),
+        if stored.is_empty() {
+            Search::new(stand_in, true)?.of_splats(splats, count, longer_px)
+        } else {
+            Some(Self::stored(stored.to_vec()))
         }
     }
 

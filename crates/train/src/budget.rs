@@ -249,7 +249,7 @@ impl<'a> PlanInput<'a> {
         let most = self.enough.steps.unwrap_or(1 << 40).max(FEWEST_STEPS);
         while fits(high) && high < most {
             low = high;
-            high = 2 * high;
+            high *= 2;
         }
         while high - low > 1 {
             let middle = low + (high - low) / 2;
@@ -489,8 +489,8 @@ mod tests {
         for part in 0..5 {
             if resume_at == Some(part) {
                 // The scene and the photos are read again.
-                spent = spent + 3.0;
-                pace.began_secs = pace.began_secs + 3.0;
+                spent += 3.0;
+                pace.began_secs += 3.0;
             }
             let secs =
                 part_secs(&options, PHOTO, triangles)[part] * if part < 2 { soft } else { engine };

@@ -226,9 +226,10 @@ fn check(path: &Path, file: &mut File, length: u64) -> Result<()> {
         file.seek(SeekFrom::Start(body.saturating_add(info.data_offsets.0 as u64))).map_err(io)?;
         std::io::copy(&mut file.take(bytes(info)), &mut hash).map_err(io)?;
     }
-    match text(&metadata, "xxh3") == Some(&format!("{:016x}", hash.digest())) {
-        true => Ok(()),
-        false => Err(damaged(path)),
+    if text(&metadata, "xxh3") == Some(&format!("{:016x}", hash.digest())) {
+        Ok(())
+    } else {
+        Err(damaged(path))
     }
 }
 
@@ -385,11 +386,10 @@ pub fn newest(folder: &Path) -> Result<(PathBuf, Checkpoint, Vec<String>)> {
             Err(error) => broken.push(error.to_string()),
         }
     }
-    let reason = match broken.is_empty() {
-        true => {
-            "holds no file that ends with .checkpoint; give the file of a checkpoint".to_owned()
-        }
-        false => format!("holds no whole checkpoint: {}", broken.join("; ")),
+    let reason = if broken.is_empty() {
+        "holds no file that ends with .checkpoint; give the file of a checkpoint".to_owned()
+    } else {
+        format!("holds no whole checkpoint: {}", broken.join("; "))
     };
     Err(Error::unsupported(folder, reason))
 }

@@ -109,9 +109,10 @@ pub(crate) fn densify(
     let count = alive.iter().skip(state.frozen).filter(|alive| **alive).count();
     let holes = thinned(&holes, plan.max_triangles.saturating_sub(count));
     let plan = &DensifyPlan { max_triangles: plan.max_triangles - holes.len(), ..*plan };
-    let grown = match plan.grow {
-        true => sample_growth(state, &alive, visibility, plan),
-        false => vec![false; alive.len()],
+    let grown = if plan.grow {
+        sample_growth(state, &alive, visibility, plan)
+    } else {
+        vec![false; alive.len()]
     };
 
     let mut next = state.empty_like();

@@ -171,18 +171,15 @@ impl Evaluator {
         let mut scores = Vec::with_capacity(self.views.len());
         for (i, EvalView { name, camera, cut }) in self.views.iter().enumerate().take(most) {
             let photo = self.photos.take(i)?;
-            scores.push(match *cut && photo.alpha.is_some() {
-                false => {
-                    let picture = draw(camera, options)?;
-                    let weights = photo.alpha.as_deref();
-                    let map = ColorMap::fit(&picture.rgb, &photo.rgb, weights);
-                    let corrected = metric::psnr(&map.of(&picture.rgb), &photo.rgb, weights);
-                    PhotoScore::of(name, Quality::of(&picture, &photo), Some(corrected))
-                }
-                true => {
-                    let draw = |background| draw(camera, &SoftOptions { background, ..*options });
-                    PhotoScore::of(name, Quality::over_two(&photo, draw)?, None)
-                }
+            scores.push(if !(*cut && photo.alpha.is_some()) {
+                let picture = draw(camera, options)?;
+                let weights = photo.alpha.as_deref();
+                let map = ColorMap::fit(&picture.rgb, &photo.rgb, weights);
+                let corrected = metric::psnr(&map.of(&picture.rgb), &photo.rgb, weights);
+                PhotoScore::of(name, Quality::of(&picture, &photo), Some(corrected))
+            } else {
+                let draw = |background| draw(camera, &SoftOptions { background, ..*options });
+                PhotoScore::of(name, Quality::over_two(&photo, draw)?, None)
             });
         }
         Ok(scores)

@@ -154,8 +154,8 @@ mod tests {
                 let direction = point.position.as_dvec3() - origin;
                 // A share of the distance to the point.
                 let distance = trace(Ray { origin, direction }).unwrap().distance;
-                right = right + u32::from((distance - 1.0).abs() < 0.02);
-                all = all + 1;
+                right += u32::from((distance - 1.0).abs() < 0.02);
+                all += 1;
             }
         }
         let count = found.points.len();

@@ -197,8 +197,8 @@ impl KnownDepth {
             let mut sums = vec![[Vec3::ZERO; 2]; greys.len()];
             for &(photo, point, color) in &seen {
                 let [both, square] = &mut sums[photo];
-                *both = *both + means[point] * color;
-                *square = *square + color * color;
+                *both += means[point] * color;
+                *square += color * color;
             }
             let gain = |[both, square]: &[Vec3; 2]| {
                 Vec3::select(square.cmpgt(Vec3::splat(1e-3)), *both / *square, Vec3::ONE)
@@ -224,8 +224,8 @@ impl KnownDepth {
         let mut sums = vec![(Vec3::ZERO, 0.0f32); self.points.len()];
         for &(photo, point, color) in seen {
             let (sum, count) = &mut sums[point];
-            *sum = *sum + color * gains[photo];
-            *count = *count + 1.0;
+            *sum += color * gains[photo];
+            *count += 1.0;
         }
         sums.iter().map(|(sum, count)| *sum / count.max(1.0)).collect()
     }
@@ -285,7 +285,7 @@ impl KnownDepth {
             let face = &mut found[face as usize];
             if error < -SAME_SURFACE {
                 face.photos += u32::from(face.last != *photo);
-                face.rays = face.rays + 1;
+                face.rays += 1;
                 face.last = *photo;
             } else if error <= SAME_SURFACE {
                 face.right += 1;

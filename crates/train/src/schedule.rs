@@ -97,14 +97,15 @@ impl StepParams {
     pub fn drawing(&self, options: &SoftOptions) -> SoftOptions {
         let background = self.background.unwrap_or(options.background);
         let soft = SoftOptions { alpha_cap: self.alpha_cap, background, ..*options };
-        match self.engine_shading {
-            true => SoftOptions {
+        if self.engine_shading {
+            SoftOptions {
                 window: Window::Coverage { width_px: 1.0 },
                 sort: Sort::Pixel,
                 linear: true,
                 ..soft
-            },
-            false => soft,
+            }
+        } else {
+            soft
         }
     }
 }
@@ -129,18 +130,19 @@ impl<'a> Schedule<'a> {
 
     /// Progress of the run after `step`.
     fn share(&self, step: u64) -> f64 {
-        match self.timeline.has_milestones() {
-            true => self.timeline.position(step) / REFERENCE_STEPS,
-            false => step as f64 / self.options.steps.max(1) as f64,
+        if self.timeline.has_milestones() {
+            self.timeline.position(step) / REFERENCE_STEPS
+        } else {
+            step as f64 / self.options.steps.max(1) as f64
         }
     }
 
     /// How often `every`, in steps of a 30,000-step run, has passed after `step` steps.
     fn passed(&self, step: u64, every: f64) -> u64 {
-        match self.timeline.has_milestones() {
-            // In a run this short a step is longer than `every`.
-            true => (self.timeline.position(step) / every.max(1.0)).floor() as u64,
-            false => step / self.scaled(every).max(1),
+        if self.timeline.has_milestones() {
+            (self.timeline.position(step) / every.max(1.0)).floor() as u64
+        } else {
+            step / self.scaled(every).max(1)
         }
     }
 
@@ -241,9 +243,10 @@ impl<'a> Schedule<'a> {
     /// The opacity below which triangles are pruned after `step`; it rises with the anneal.
     pub fn prune_opacity(&self, step: u64) -> f64 {
         let (share, faintest) = FAINTEST;
-        match self.is_past(step, share * self.options.solid.opacity_until) {
-            true => faintest,
-            false => PRUNE_OPACITY + (SOLID_PRUNE_OPACITY - PRUNE_OPACITY) * self.annealed(step),
+        if self.is_past(step, share * self.options.solid.opacity_until) {
+            faintest
+        } else {
+            PRUNE_OPACITY + (SOLID_PRUNE_OPACITY - PRUNE_OPACITY) * self.annealed(step)
         }
     }
 
@@ -263,9 +266,10 @@ impl<'a> Schedule<'a> {
             return soft(step);
         }
         let from = self.scaled(s.opacity_until);
-        let done = match self.timeline.has_milestones() {
-            true => (self.share(step) - self.share(from)) / (1.0 - self.share(from)).max(1e-6),
-            false => (step - from) as f64 / steps.saturating_sub(from).max(1) as f64,
+        let done = if self.timeline.has_milestones() {
+            (self.share(step) - self.share(from)) / (1.0 - self.share(from)).max(1e-6)
+        } else {
+            (step - from) as f64 / steps.saturating_sub(from).max(1) as f64
         };
         soft(from) * ENGINE_CORNERS_SCALE * ENGINE_CORNERS_FINAL_SHARE.powf(done)
     }
@@ -273,9 +277,10 @@ impl<'a> Schedule<'a> {
     /// True when the scene is densified after `step` steps have been made.
     pub fn densifies_after(&self, step: u64) -> bool {
         let r = &self.options.densify;
-        let due = match self.timeline.has_milestones() {
-            true => step > 0 && self.passed(step, r.every) > self.passed(step - 1, r.every),
-            false => step.is_multiple_of(self.scaled(r.every).max(1)),
+        let due = if self.timeline.has_milestones() {
+            step > 0 && self.passed(step, r.every) > self.passed(step - 1, r.every)
+        } else {
+            step.is_multiple_of(self.scaled(r.every).max(1))
         };
         due && step >= self.scaled(REFINE_FROM).max(1) && step < self.options.steps
     }

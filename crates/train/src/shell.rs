@@ -385,8 +385,8 @@ mod tests {
                     pixel(&camera.resized(photo.size), &photo, centroid(soup.vertices[i]))
                 {
                     let near = |c: usize| (soup.rgb(i)[c] - f32::from(rgb[c]) / 255.0).abs() < 0.2;
-                    same = same + usize::from((0..3).all(near));
-                    seen = seen + 1;
+                    same += usize::from((0..3).all(near));
+                    seen += 1;
                 }
             }
         }

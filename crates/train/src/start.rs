@@ -206,13 +206,11 @@ pub(super) fn first(
 /// The points to start from: where photos track points, a fifth of them judges the depth of the
 /// result.
 fn not_judging(dataset: &Dataset) -> Cow<'_, [Point]> {
-    match dataset.has_tracks() {
-        true => {
-            let kept =
-                dataset.points.iter().enumerate().filter(|(i, _)| !Dataset::judges_depth(*i));
-            Cow::Owned(kept.map(|(_, point)| *point).collect())
-        }
-        false => Cow::Borrowed(&dataset.points),
+    if dataset.has_tracks() {
+        let kept = dataset.points.iter().enumerate().filter(|(i, _)| !Dataset::judges_depth(*i));
+        Cow::Owned(kept.map(|(_, point)| *point).collect())
+    } else {
+        Cow::Borrowed(&dataset.points)
     }
 }
 
@@ -271,12 +269,11 @@ fn from_points(
 
 /// At most `most` of the items, evenly.
 pub(super) fn thinned<T: Copy>(items: &[T], most: usize) -> Cow<'_, [T]> {
-    match items.len() > most {
-        true => {
-            let kept = items.iter().enumerate().filter(|(i, _)| is_among(*i, most, items.len()));
-            Cow::Owned(kept.map(|(_, item)| *item).collect())
-        }
-        false => Cow::Borrowed(items),
+    if items.len() > most {
+        let kept = items.iter().enumerate().filter(|(i, _)| is_among(*i, most, items.len()));
+        Cow::Owned(kept.map(|(_, item)| *item).collect())
+    } else {
+        Cow::Borrowed(items)
     }
 }
 
@@ -305,9 +302,12 @@ fn from_scene(
         DatasetKind::Drawn => Placement::IDENTITY,
         _ => scene.provenance.placement,
     };
-    let positions = || match dataset.points.is_empty() {
-        true => centers(scene, &placement, dataset.origin),
-        false => dataset.points.iter().map(|p| p.position).collect(),
+    let positions = || {
+        if dataset.points.is_empty() {
+            centers(scene, &placement, dataset.origin)
+        } else {
+            dataset.points.iter().map(|p| p.position).collect()
+        }
     };
     let space =
         part.map_or_else(|| SceneNormalization::new(&cameras, &positions()), |part| part.space);

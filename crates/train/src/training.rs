@@ -268,9 +268,10 @@ impl<'a> Training<'a> {
             return Err(error);
         }
         self.meta.step += 1;
-        let densified = match Schedule::new(&self.meta.options).densifies_after(self.meta.step) {
-            true => Some(self.densify()?),
-            false => None,
+        let densified = if Schedule::new(&self.meta.options).densifies_after(self.meta.step) {
+            Some(self.densify()?)
+        } else {
+            None
         };
         Ok((densified, pixels.size.x))
     }
@@ -349,9 +350,10 @@ impl<'a> Training<'a> {
     pub(super) fn soup(&mut self) -> Result<Soup> {
         let schedule = Schedule::new(&self.meta.options);
         let last = self.meta.step.max(1) - 1;
-        let (anneal, degree) = match self.ends_solid() {
-            true => (Anneal::SOLID, 0),
-            false => (schedule.anneal(last), schedule.sh_degree(last)),
+        let (anneal, degree) = if self.ends_solid() {
+            (Anneal::SOLID, 0)
+        } else {
+            (schedule.anneal(last), schedule.sh_degree(last))
         };
         let mut soup = self.backend.params()?.to_soup(&anneal, degree);
         self.space().soup_to_world(&mut soup);

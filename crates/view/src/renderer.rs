@@ -233,9 +233,10 @@ impl Renderer {
     }
 
     fn pipeline(&self, gpu: &Gpu, key: PipelineKey) -> RenderPipeline {
-        let (vertex, light) = match key.is_textured {
-            false => ("corner_color", "smooth_light"),
-            true => ("texture_color", "texture_light"),
+        let (vertex, light) = if !key.is_textured {
+            ("corner_color", "smooth_light")
+        } else {
+            ("texture_color", "texture_light")
         };
         let constants = [("ENCODE", f64::from(u8::from(!key.format.is_srgb())))];
         let compilation_options = PipelineCompilationOptions {
@@ -331,9 +332,10 @@ pub(crate) fn clear(
 fn vertex_buffer(is_textured: bool) -> VertexBufferLayout<'static> {
     const CORNER: [VertexAttribute; 2] = vertex_attr_array![0 => Float32x3, 1 => Unorm10_10_10_2];
     const TEXTURE: [VertexAttribute; 2] = vertex_attr_array![0 => Float32x3, 1 => Float32x2];
-    let (stride, attributes) = match is_textured {
-        false => (size_of::<CornerVertex>(), &CORNER),
-        true => (size_of::<TextureVertex>(), &TEXTURE),
+    let (stride, attributes) = if !is_textured {
+        (size_of::<CornerVertex>(), &CORNER)
+    } else {
+        (size_of::<TextureVertex>(), &TEXTURE)
     };
     VertexBufferLayout {
         array_stride: stride as u64,

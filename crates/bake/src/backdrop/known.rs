@@ -72,9 +72,10 @@ impl KnownColors {
                 of_texel.iter().filter(|one| !is_rim(**one)).map(|one| rgb(*one)).collect();
             // Pixels beside the scene show some of it, or what stands in a hole: only where there
             // are no others.
-            let colors = match inner.is_empty() {
-                true => of_texel.iter().map(|one| rgb(*one)).collect(),
-                false => inner,
+            let colors = if inner.is_empty() {
+                of_texel.iter().map(|one| rgb(*one)).collect()
+            } else {
+                inner
             };
             let (value, count) = agreed(&colors);
             let at = texel(of_texel[0]);
@@ -139,9 +140,10 @@ fn agreed(colors: &[[u8; 3]]) -> ([f32; 3], f32) {
             count += 1.0;
         }
     }
-    match count > 0.0 {
-        true => (sum.map(|sum| sum / count), count),
-        false => (middle.map(|code| code as f32), 1.0),
+    if count > 0.0 {
+        (sum.map(|sum| sum / count), count)
+    } else {
+        (middle.map(|code| code as f32), 1.0)
     }
 }
 

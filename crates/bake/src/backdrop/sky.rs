@@ -77,9 +77,10 @@ fn photographed(mesh: &Mesh, shell: Option<&Mesh>, views: &mut Views) -> Result<
 
 /// The colours of a shell, blurred, for a scene without photos that `cameras` may have looked at.
 fn blurred(shell: &Mesh, cameras: &[Camera]) -> RgbImage {
-    let center = match cameras.is_empty() {
-        true => mean(shell.positions.iter().copied()),
-        false => mean(cameras.iter().map(Camera::position)),
+    let center = if cameras.is_empty() {
+        mean(shell.positions.iter().copied())
+    } else {
+        mean(cameras.iter().map(Camera::position))
     };
     let mut known = KnownColors::nothing(ROWS[0] as usize);
     known.add(&panorama(shell, center, ROWS[0]), shell_weight(ROWS[0]));

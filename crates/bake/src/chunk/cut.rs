@@ -18,14 +18,16 @@ use trisplat_scene::parallel::{self, GRAIN};
 /// engine draws or culls these. A cut along the fourth axis, size, separates triangles that are
 /// large for their neighbourhood, so that the rest is compact.
 pub(crate) fn cut(mesh: &Mesh, faces: usize, limit: usize) -> (Vec<u32>, Vec<Chunk>) {
-    let parts = match faces > TREE_SAMPLE {
-        true => Tree::new(mesh, faces, limit).parts(mesh, faces),
-        false => vec![(0..faces as u32).collect()],
+    let parts = if faces > TREE_SAMPLE {
+        Tree::new(mesh, faces, limit).parts(mesh, faces)
+    } else {
+        vec![(0..faces as u32).collect()]
     };
     // Parts that fit are chunks; the tree knows counts only by its sample.
-    let parts = parallel::map(parts, |_, part: Vec<u32>| match part.len() <= limit {
-        true => (vec![part.len() as u32], part),
-        false => {
+    let parts = parallel::map(parts, |_, part: Vec<u32>| {
+        if part.len() <= limit {
+            (vec![part.len() as u32], part)
+        } else {
             let mut items: Vec<Item> =
                 parallel::collect(part.len(), GRAIN, |i| Item::new(mesh, part[i]));
             let counts = split(&mut items, limit);

@@ -136,17 +136,13 @@ pub(crate) fn region(scene: Foreground, cameras: &[Camera]) -> Option<Region> {
     let vertices = scene.vertices();
     let vertices: Vec<Vec3> = vertices.iter().step_by(step(vertices.len())).copied().collect();
     let center = camera::focus(cameras.iter()).or_else(|| central(&vertices))?.as_dvec3();
-    let radius = match cameras.is_empty() {
-        true => {
-            let mut away: Vec<f64> =
-                vertices.iter().map(|v| v.as_dvec3().distance(center)).collect();
-            away.sort_by(f64::total_cmp);
-            away.get((REGION_SHARE * away.len() as f64) as usize).map(|most| most / REACH)
-        }
-        false => {
-            let away = cameras.iter().map(|c| c.position().as_dvec3().distance(center)).collect();
-            median(away, f64::total_cmp)
-        }
+    let radius = if cameras.is_empty() {
+        let mut away: Vec<f64> = vertices.iter().map(|v| v.as_dvec3().distance(center)).collect();
+        away.sort_by(f64::total_cmp);
+        away.get((REGION_SHARE * away.len() as f64) as usize).map(|most| most / REACH)
+    } else {
+        let away = cameras.iter().map(|c| c.position().as_dvec3().distance(center)).collect();
+        median(away, f64::total_cmp)
     };
     let radius = radius.filter(|r| *r > 0.0 && r.is_finite())?;
     Some(Region { center, radius })

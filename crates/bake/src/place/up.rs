@@ -100,10 +100,7 @@ pub(crate) fn estimate(scene: Foreground, known: Evidence) -> Option<UpEstimate>
     let held = from_cameras(known.cameras)?;
     let cone =
         if held.open { WIDEST_CONE } else { (4.0 * held.tilt).clamp(NARROWEST_CONE, WIDEST_CONE) };
-    let surface = match held.tilt < RANDOM_TILT {
-        true => surface(scene, known, held.up, cone),
-        false => None,
-    };
+    let surface = if held.tilt < RANDOM_TILT { surface(scene, known, held.up, cone) } else { None };
     let confidence = match &surface {
         _ if held.tilt >= RANDOM_TILT => Confidence::None,
         Some(_) => Confidence::High,
@@ -216,9 +213,10 @@ struct Surface {
 /// one.
 fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<Surface> {
     let region = ground::region(scene, known.cameras)?;
-    let (samples, clear_share) = match known.points.is_empty() {
-        true => (ground::faces(scene, &region), CLEAR_OF_FACES),
-        false => (ground::points(known.points, &region), CLEAR_OF_POINTS),
+    let (samples, clear_share) = if known.points.is_empty() {
+        (ground::faces(scene, &region), CLEAR_OF_FACES)
+    } else {
+        (ground::points(known.points, &region), CLEAR_OF_POINTS)
     };
     let least = libm::cos(cone.to_radians());
     let thickness = THICKNESS * region.radius;

@@ -83,9 +83,10 @@ impl FromStr for KnownLength {
             _ => return Err(wants.into()),
         };
         let good = |x: f64| x > 0.0 && x.is_finite();
-        match good(units) && good(metres) {
-            true => Ok(Self { units, metres }),
-            false => Err(format!("has a length of {units} units and {metres} m; {wants}")),
+        if good(units) && good(metres) {
+            Ok(Self { units, metres })
+        } else {
+            Err(format!("has a length of {units} units and {metres} m; {wants}"))
         }
     }
 }

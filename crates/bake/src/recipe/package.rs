@@ -65,16 +65,13 @@ impl Recipe<'_> {
             chunk(asset, &options.chunk, options.order.order, details)
         })?;
         let ordered = self.report.details::<ChunkDetails>().is_some_and(|details| details.ordered);
-        let asset =
-            self.report.stage(
-                self.observer,
-                asset,
-                Asset::counts,
-                |asset, details| match ordered {
-                    true => Ok(Outcome::Skipped("`chunk` has put near faces near")),
-                    false => order(asset, &options.order, details),
-                },
-            )?;
+        let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
+            if ordered {
+                Ok(Outcome::Skipped("`chunk` has put near faces near"))
+            } else {
+                order(asset, &options.order, details)
+            }
+        })?;
         debug_assert!(asset.mesh.validate().is_ok(), "{:?}", asset.mesh.validate());
         Ok((asset, Frame { placement, viewpoint }))
     }
@@ -124,10 +121,11 @@ impl Recipe<'_> {
         shared: &Shared<'_>,
         mut views: Option<&mut Views>,
     ) -> Result<Vec<Asset>> {
-        let of_levels = match self.options.tiles.tiles {
+        let of_levels = if self.options.tiles.tiles {
             // They are cut again into tiles.
-            true => BakeOptions { chunk: ChunkOptions::FAST, ..self.options.clone() },
-            false => self.options.clone(),
+            BakeOptions { chunk: ChunkOptions::FAST, ..self.options.clone() }
+        } else {
+            self.options.clone()
         };
         let faces = source.mesh.face_count().max(1);
         let finish = |level: Mesh, mut progress: StageProgress<'_>| {

@@ -66,15 +66,16 @@ impl Patch {
         let order = [right, (right + 1) % 3, (right + 2) % 3];
         let corner = UVec2::ZERO;
         let turned = false;
-        match along < across {
-            false => Self { corner, size: UVec2::new(along, across), turned, order },
+        if along >= across {
+            Self { corner, size: UVec2::new(along, across), turned, order }
+        } else {
             // The longer leg lies along the rows.
-            true => Self {
+            Self {
                 corner,
                 size: UVec2::new(across, along),
                 turned,
                 order: [order[0], order[2], order[1]],
-            },
+            }
         }
     }
 

@@ -80,13 +80,15 @@ impl Draw {
         let scene = StressScene::new(case);
         let StressScene { soup, camera, options } = &scene;
         let compared = soup.len() <= COMPARED;
-        let picture = match compared {
-            true => oracle::render(&plain(soup), &oracle_camera(camera), &rules(options)),
-            false => Vec::new(),
+        let picture = if compared {
+            oracle::render(&plain(soup), &oracle_camera(camera), &rules(options))
+        } else {
+            Vec::new()
         };
-        let margins: Vec<f64> = match compared {
-            true => picture.iter().map(|pixel| pixel.margin).collect(),
-            false => vec![1.0; (SIDE * SIDE) as usize],
+        let margins: Vec<f64> = if compared {
+            picture.iter().map(|pixel| pixel.margin).collect()
+        } else {
+            vec![1.0; (SIDE * SIDE) as usize]
         };
         let d = random_grad(case.seed, &margins);
         let mut errors = Errors::default();

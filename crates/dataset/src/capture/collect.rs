@@ -316,17 +316,13 @@ fn is_plain(bytes: &[u8]) -> bool {
     const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
     /// Byte offset of a PNG's bit depth.
     const PNG_BITS: usize = 24;
-    match is_jpeg(bytes) {
-        true => {
-            let mut decoder = jpeg_decoder::Decoder::new(bytes);
-            let format = decoder
-                .read_info()
-                .ok()
-                .and_then(|()| decoder.info())
-                .map(|info| info.pixel_format);
-            matches!(format, Some(jpeg_decoder::PixelFormat::RGB24 | jpeg_decoder::PixelFormat::L8))
-        }
-        false => bytes.starts_with(PNG) && bytes.get(PNG_BITS) == Some(&8),
+    if is_jpeg(bytes) {
+        let mut decoder = jpeg_decoder::Decoder::new(bytes);
+        let format =
+            decoder.read_info().ok().and_then(|()| decoder.info()).map(|info| info.pixel_format);
+        matches!(format, Some(jpeg_decoder::PixelFormat::RGB24 | jpeg_decoder::PixelFormat::L8))
+    } else {
+        bytes.starts_with(PNG) && bytes.get(PNG_BITS) == Some(&8)
     }
 }
 
@@ -374,9 +370,10 @@ impl Opened {
             }
             Change::Turned | Change::Converted => {
                 let picture = RgbImage::load(from).map_err(unread)?.turned(self.notes.orientation);
-                let bytes = match self.change == Change::Turned && self.is_jpeg {
-                    true => with_notes(&picture.to_jpeg(QUALITY)?, &self.notes.upright()),
-                    false => picture.to_png()?,
+                let bytes = if self.change == Change::Turned && self.is_jpeg {
+                    with_notes(&picture.to_jpeg(QUALITY)?, &self.notes.upright())
+                } else {
+                    picture.to_png()?
                 };
                 std::fs::write(&to, bytes).map_err(io)?;
             }

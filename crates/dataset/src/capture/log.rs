@@ -21,10 +21,7 @@ const LONGEST: u64 = 1 << 13;
 
 /// Sends an event. A stop is [`Error::Stopped`].
 pub(super) fn tell(observer: StageObserver<'_>, event: StageEvent<'_>) -> Result<()> {
-    match observer(event).is_break() {
-        true => Err(Error::Stopped { what: "stopped".into() }),
-        false => Ok(()),
-    }
+    if observer(event).is_break() { Err(Error::Stopped { what: "stopped".into() }) } else { Ok(()) }
 }
 
 /// The log file of a capture.
@@ -277,7 +274,7 @@ mod tests {
         let mut sum = 0;
         let ended = log.run(&mut printing(&long), &mut |_| Continue(()), |line, _| {
             longest = longest.max(line.len());
-            sum = sum + line.len();
+            sum += line.len();
             Ok(())
         });
         assert!(ended.unwrap().status.success());

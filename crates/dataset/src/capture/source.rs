@@ -59,11 +59,10 @@ impl Sources {
                         let is_zip = input
                             .extension()
                             .is_some_and(|ending| ending.eq_ignore_ascii_case("zip"));
-                        let reason = match is_zip {
-                            true => "is a zip archive; unpack it, and give the folder",
-                            false => {
-                                "is no photo and no video; give JPEG, HEIC, PNG, WebP, TIFF, MP4 or MOV files, or a folder of them"
-                            }
+                        let reason = if is_zip {
+                            "is a zip archive; unpack it, and give the folder"
+                        } else {
+                            "is no photo and no video; give JPEG, HEIC, PNG, WebP, TIFF, MP4 or MOV files, or a folder of them"
                         };
                         return Err(Error::unsupported(input, reason));
                     }

@@ -105,9 +105,10 @@ impl Ffmpeg {
             }
             Ok(())
         })?;
-        match watch.frames.is_empty() {
-            true => Err(Error::unsupported(video, "holds no frame; give a video that plays")),
-            false => Ok(watch),
+        if watch.frames.is_empty() {
+            Err(Error::unsupported(video, "holds no frame; give a video that plays"))
+        } else {
+            Ok(watch)
         }
     }
 

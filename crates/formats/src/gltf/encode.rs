@@ -357,14 +357,11 @@ impl<'a> Content<'a> {
 /// The text of `value`, on one line or indented.
 pub(crate) fn text(value: &impl Serialize, is_pretty: bool) -> serde_json::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    match is_pretty {
-        true => value.serialize(&mut Serializer::with_formatter(
-            &mut bytes,
-            Exact(PrettyFormatter::new()),
-        ))?,
-        false => {
-            value.serialize(&mut Serializer::with_formatter(&mut bytes, Exact(CompactFormatter)))?
-        }
+    if is_pretty {
+        value
+            .serialize(&mut Serializer::with_formatter(&mut bytes, Exact(PrettyFormatter::new())))?
+    } else {
+        value.serialize(&mut Serializer::with_formatter(&mut bytes, Exact(CompactFormatter)))?
     }
     Ok(bytes)
 }

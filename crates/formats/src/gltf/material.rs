@@ -47,11 +47,10 @@ impl Material {
             self.extensions.emissive_strength.as_ref().map_or(1.0, |light| light.strength);
         let light = self.emissive_factor.unwrap_or_default().map(|x| (x * strength).min(1.0));
         let shines = light.iter().any(|x| *x > 0.0) && !self.extensions.unlit;
-        match shines && [r, g, b] == [0.0; 3] {
-            true => {
-                (([light[0], light[1], light[2], alpha], self.emissive_texture.as_ref()), false)
-            }
-            false => (([r, g, b, alpha], base.texture.as_ref()), shines),
+        if shines && [r, g, b] == [0.0; 3] {
+            (([light[0], light[1], light[2], alpha], self.emissive_texture.as_ref()), false)
+        } else {
+            (([r, g, b, alpha], base.texture.as_ref()), shines)
         }
     }
 

@@ -342,10 +342,7 @@ fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
     }
     // If steps differ between axes, an engine corrects normals by the scale of the node, and 8 bits
     // do not suffice.
-    let grid = match part.lit {
-        true => PositionGrid::even(low, high),
-        false => PositionGrid::new(low, high),
-    };
+    let grid = if part.lit { PositionGrid::even(low, high) } else { PositionGrid::new(low, high) };
     const BLOCK: usize = 1 << 14;
     let first = part.faces.start;
     let count = part.faces.len();

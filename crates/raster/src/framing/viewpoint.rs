@@ -218,9 +218,10 @@ fn of_photos(cameras: &[Camera], subject: Subject, up: Vec3) -> Vec<Candidate> {
     let level = |photo: usize| {
         let camera = &cameras[photo];
         let eye = camera.position();
-        let target = match camera.frames(subject.center) {
-            true => subject.center,
-            false => eye + camera.rotation.row(2),
+        let target = if camera.frames(subject.center) {
+            subject.center
+        } else {
+            eye + camera.rotation.row(2)
         };
         let camera = Camera { center: camera.size.as_vec2() / 2.0, ..*camera };
         Candidate { camera: camera.looking(eye, target, up), photo: Some(photo) }

@@ -52,8 +52,8 @@ impl Default for GaussianOptions {
 /// Gaussians that one task projects.
 const PER_TASK: usize = 4096;
 
-/// A Gaussian on the screen. At (dx, dy) px from its middle, its alpha is 2 to the power of `level
-/// - (along dx + shear dy)² - (down dy)²`: a sum of squares, which stays exact where the
+/// A Gaussian on the screen. At (dx, dy) px from its middle, its alpha is 2 to the power of
+/// `level - (along dx + shear dy)² - (down dy)²`: a sum of squares, which stays exact where the
 /// coefficients of the inverse covariance cancel, as for long and thin ones.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ellipse {

@@ -76,10 +76,7 @@ impl AtomicFolder {
     ///
     /// Those of [`AtomicFolder::create`].
     pub fn recover(folder: &Path) -> Result<()> {
-        match folder.join(ASIDE).exists() {
-            true => Self::create(folder).map(drop),
-            false => Ok(()),
-        }
+        if folder.join(ASIDE).exists() { Self::create(folder).map(drop) } else { Ok(()) }
     }
 
     /// The folder where its files are made, under their final names.
@@ -145,10 +142,7 @@ fn collect(folder: &Path, below: &Path, names: &mut Vec<PathBuf>) -> io::Result<
     for entry in std::fs::read_dir(folder.join(below))? {
         let entry = entry?;
         let name = below.join(entry.file_name());
-        match entry.file_type()?.is_dir() {
-            true => collect(folder, &name, names)?,
-            false => names.push(name),
-        }
+        if entry.file_type()?.is_dir() { collect(folder, &name, names)? } else { names.push(name) }
     }
     Ok(())
 }

@@ -98,9 +98,10 @@ impl Manifest {
         let mut files = self.files.clone();
         for name in self.files.keys().filter(|name| self.files[*name].is_none()) {
             let path = self.root.join(name);
-            match std::fs::symlink_metadata(&path).is_ok_and(|meta| meta.is_file()) {
-                true => files.insert(name.clone(), Some(Written::of(&path)?)),
-                false => files.remove(name).flatten().map(Some),
+            if std::fs::symlink_metadata(&path).is_ok_and(|meta| meta.is_file()) {
+                files.insert(name.clone(), Some(Written::of(&path)?))
+            } else {
+                files.remove(name).flatten().map(Some)
             };
         }
         self.save(files)

@@ -69,9 +69,10 @@ fn beside(target: &Path, ending: &str) -> PathBuf {
     let name = target.file_name().unwrap_or_default();
     let ending = format!(".trisplat.{ending}");
     let mut whole = std::ffi::OsString::from(".");
-    match name.len() + 1 + ending.len() <= MAX_NAME_BYTES {
-        true => whole.push(name),
-        false => whole.push(format!("{:016x}", xxh3_64(name.as_encoded_bytes()))),
+    if name.len() + 1 + ending.len() <= MAX_NAME_BYTES {
+        whole.push(name)
+    } else {
+        whole.push(format!("{:016x}", xxh3_64(name.as_encoded_bytes())))
     }
     whole.push(ending);
     target.with_file_name(whole)
@@ -114,9 +115,10 @@ impl FileId {
         }
         let name = path.file_name().unwrap_or_default().to_owned();
         // Names that differ only in case are one file on most disks of these systems.
-        let name = match cfg!(any(windows, target_os = "macos")) {
-            true => name.to_string_lossy().to_lowercase().into(),
-            false => name,
+        let name = if cfg!(any(windows, target_os = "macos")) {
+            name.to_string_lossy().to_lowercase().into()
+        } else {
+            name
         };
         let folder = folder_of(&path);
         let folder = std::fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());

@@ -158,10 +158,11 @@ pub fn remove_temporaries() {
     list.sort_by_key(|path| Reverse(path.components().count()));
     for path in list.drain(..) {
         // The next run removes the rest.
-        let _ = match path.ends_with(ASIDE) {
-            true => std::fs::remove_dir_all(&path),
+        let _ = if path.ends_with(ASIDE) {
+            std::fs::remove_dir_all(&path)
+        } else {
             // An empty folder that was made for an output.
-            false => std::fs::remove_file(&path).or_else(|_| std::fs::remove_dir(&path)),
+            std::fs::remove_file(&path).or_else(|_| std::fs::remove_dir(&path))
         };
     }
     std::mem::forget(list);

@@ -65,9 +65,10 @@ pub(super) struct TilePasses {
 
 impl TilePasses {
     fn new(gpu: &Gpu, plan: &StepPlan) -> Result<Self> {
-        let forward = match plan.by_pixel() {
-            false => pass!("forward", "tile_table", "tile_batch", "shade", "layer_sums"),
-            true => pass!(
+        let forward = if !plan.by_pixel() {
+            pass!("forward", "tile_table", "tile_batch", "shade", "layer_sums")
+        } else {
+            pass!(
                 "forward_by_pixel",
                 "tile_table",
                 "tile_batch",
@@ -76,10 +77,10 @@ impl TilePasses {
                 "pixel_grad",
                 "behind",
                 "layer_share"
-            ),
+            )
         };
-        let backward = match plan.by_pixel() {
-            false => pass!(
+        let backward = if !plan.by_pixel() {
+            pass!(
                 "backward",
                 "tile_table",
                 "shade",
@@ -90,8 +91,9 @@ impl TilePasses {
                 "put_slot",
                 "splat_sums",
                 "pair_sums"
-            ),
-            true => pass!(
+            )
+        } else {
+            pass!(
                 "backward_by_pixel",
                 "tile_table",
                 "shade",
@@ -100,7 +102,7 @@ impl TilePasses {
                 "put_slot",
                 "splat_sums",
                 "pair_sums"
-            ),
+            )
         };
         let kernel = |pass: Pass| Kernel::new(gpu, pass.name, pass.source(&plan.constants()));
         Ok(Self { forward: kernel(forward)?, backward: kernel(backward)? })

@@ -65,9 +65,10 @@ impl SceneFiles {
     pub fn with_dropped(&self, path: &Path) -> Self {
         let is_dataset =
             path.is_dir() || path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
-        match is_dataset {
-            true => Self { dataset: Some(path.to_owned()), ..self.clone() },
-            false => Self { file: path.to_owned(), dataset: None },
+        if is_dataset {
+            Self { dataset: Some(path.to_owned()), ..self.clone() }
+        } else {
+            Self { file: path.to_owned(), dataset: None }
         }
     }
 
