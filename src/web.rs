@@ -23,7 +23,7 @@ use trisplat_scene::camera::Viewpoint;
 use trisplat_scene::input::{self, is_guarded};
 use trisplat_scene::layered::Layers;
 use trisplat_scene::report::StageEvent;
-use trisplat_scene::{Asset, Error, ImportedScene, Limits, Placement, Result, Scene, placed};
+use trisplat_scene::{Asset, Error, ImportedScene, Limits, Placement, Result, Scene, frames};
 use trisplat_train::TrainEvent;
 
 /// The folder for temporary files, because this target names none.
@@ -89,7 +89,7 @@ fn run(job: Job) -> Result<()> {
                 }
             };
             let (_, placement) = shown(loaded, &quick(options)?)?;
-            renderer.color(&placed::to_world(&camera, &placement, DVec3::ZERO)).save_png(&output)
+            renderer.color(&frames::to_world(&camera, &placement, DVec3::ZERO)).save_png(&output)
         }
         Job::Bake { inputs, output, options, harden, max_bytes } => {
             let mut job = BakeJob::new(inputs.into_iter().map(BakeInput::File), resolved(options)?);

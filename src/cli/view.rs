@@ -9,7 +9,7 @@ use trisplat_gpu::AdapterOptions;
 use trisplat_job::{BakedScene, SceneRenderer};
 use trisplat_scene::atomic::AtomicFile;
 use trisplat_scene::camera::Camera;
-use trisplat_scene::{Error, ImportedScene, Placement, Region, Result, Splats, placed};
+use trisplat_scene::{Error, ImportedScene, Placement, Region, Result, Splats, frames};
 use trisplat_view::window::{
     self, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene,
 };
@@ -123,7 +123,7 @@ pub(super) fn window_scene(
             None => SceneRenderer::soft(soup, &Placement::IDENTITY, None, background),
         };
         let renderer = Arc::new(Mutex::new(move |camera: &Camera| {
-            scene.color(&placed::to_world(camera, &bake_placement, DVec3::ZERO))
+            scene.color(&frames::to_world(camera, &bake_placement, DVec3::ZERO))
         }));
         SoupSource { renderer, rest: 0.0 }
     });

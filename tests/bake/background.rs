@@ -25,7 +25,7 @@ const BALL: usize = 3000;
 fn eyes() -> Vec<Camera> {
     cameras()
         .iter()
-        .map(|camera| camera.looking(camera.position() * 1.7, Vec3::ZERO, Vec3::NEG_Y))
+        .map(|camera| camera.with_look_at(camera.position() * 1.7, Vec3::ZERO, Vec3::NEG_Y))
         .collect()
 }
 
@@ -80,7 +80,7 @@ fn between() -> impl Iterator<Item = Camera> {
     (0..15_u8).map(|i| {
         let angle = f32::from(i) * 0.4 + 0.2;
         let eye = Vec3::new(angle.sin(), 0.1, angle.cos()) * 5.0;
-        eyes()[0].looking(eye, Vec3::ZERO, Vec3::NEG_Y)
+        eyes()[0].with_look_at(eye, Vec3::ZERO, Vec3::NEG_Y)
     })
 }
 

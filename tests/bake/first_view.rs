@@ -71,7 +71,7 @@ fn an_orbit_of_any_soup_keeps_the_subject_in_the_picture_and_stays_inside_the_sh
         for camera in orbit(&viewpoint, Vec3::NEG_Y, &towards, size, 12) {
             let away = camera.position() - target;
             assert!(away.length() < towards(away.normalize()));
-            let inside = subject.iter().filter(|p| camera.frames(**p)).count();
+            let inside = subject.iter().filter(|p| camera.is_in_frustum(**p)).count();
             assert!(
                 inside as f64 > 0.98 * subject.len() as f64,
                 "{inside} of {} {size}",

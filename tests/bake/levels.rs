@@ -45,7 +45,7 @@ fn cameras() -> Vec<Camera> {
         size: UVec2::new(128, 96),
     };
     let eye = |i: u32| Vec3::new((i % 3) as f32 - 1.0, (i / 3) as f32 * 0.5 - 0.5, -3.5);
-    (0..9).map(|i| lens.looking(eye(i), Vec3::ZERO, Vec3::NEG_Y)).collect()
+    (0..9).map(|i| lens.with_look_at(eye(i), Vec3::ZERO, Vec3::NEG_Y)).collect()
 }
 
 fn loaded(cameras: Vec<Camera>) -> ImportedScene {

@@ -46,7 +46,7 @@ fn around() -> Vec<Camera> {
         let (sin, cos) = (i as f32 * 2.399_963).sin_cos();
         Vec3::new((1.0 - y * y).sqrt() * cos, y, (1.0 - y * y).sqrt() * sin) * 4.0
     };
-    (0..20).map(|i| lens.looking(eye(i), Vec3::ZERO, Vec3::NEG_Y)).collect()
+    (0..20).map(|i| lens.with_look_at(eye(i), Vec3::ZERO, Vec3::NEG_Y)).collect()
 }
 
 /// Runs the stage; the angles between normals and the ball's own, degrees, in order.

@@ -176,7 +176,8 @@ fn a_textured_scene_and_a_coloured_one_keep_both() {
     assert_eq!((pages(&merged), pages(&back)), (4, 4));
     for (i, part) in parts.iter().enumerate() {
         let middle = Vec3::X * 5.0 * i as f32;
-        let camera = cameras()[0].looking(middle + Vec3::new(0.2, 0.1, -2.4), middle, Vec3::NEG_Y);
+        let camera =
+            cameras()[0].with_look_at(middle + Vec3::new(0.2, 0.1, -2.4), middle, Vec3::NEG_Y);
         let draw = |mesh: &Mesh| SolidRasterizer::new().render(mesh, &camera, &DRAWING).rgb;
         for all in [&merged, &back] {
             let psnr = metric::psnr(&draw(all), &draw(part), None);

@@ -88,7 +88,11 @@ fn camera(view: usize) -> Camera {
     };
     let angle = view as f32 * 2.4;
     let height = (view % 7) as f32 * 0.5 - 1.5;
-    lens.looking(Vec3::new(3.0 * angle.cos(), height, 3.0 * angle.sin()), Vec3::ZERO, Vec3::NEG_Y)
+    lens.with_look_at(
+        Vec3::new(3.0 * angle.cos(), height, 3.0 * angle.sin()),
+        Vec3::ZERO,
+        Vec3::NEG_Y,
+    )
 }
 
 /// Photographs `mesh` into a data set on disk, as finely sampled as photos are; `develop` may

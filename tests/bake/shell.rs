@@ -174,7 +174,8 @@ fn largest_step(mesh: &Mesh) -> (u8, usize) {
         let turn = f32::from(i) * 0.7;
         let height = [-1.5, 0.0, 1.5][usize::from(i % 3)];
         let eye = Vec3::new(0.0, 0.5, 4.0);
-        let camera = lens.looking(eye, eye + Vec3::new(turn.sin(), height, turn.cos()), Vec3::Y);
+        let camera =
+            lens.with_look_at(eye, eye + Vec3::new(turn.sin(), height, turn.cos()), Vec3::Y);
         let mut solid = SolidRasterizer::new();
         let drawing = SolidRasterOptions::default();
         let picture = solid.render(mesh, &camera, &drawing).rgb;

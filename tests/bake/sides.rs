@@ -39,7 +39,7 @@ fn camera(eye: Vec3) -> Camera {
         center: Vec2::splat(50.0),
         size: UVec2::splat(100),
     };
-    lens.looking(eye, Vec3::ZERO, Vec3::NEG_Y)
+    lens.with_look_at(eye, Vec3::ZERO, Vec3::NEG_Y)
 }
 
 /// A triangle of this size about `middle`, in the plane z = const, with its front towards -z or

@@ -71,7 +71,7 @@ fn cameras() -> Vec<Camera> {
     let camera = |i: usize| {
         let turn = (i as f32 / 11.0 - 0.5) * 3.0;
         let eye = Vec3::new(2.5 * turn.sin(), 1.2 + 0.1 * (i % 3) as f32, 2.5 * turn.cos());
-        lens(UVec2::new(96, 72), 100.0).looking(eye, Vec3::Y * 0.5, Vec3::Y)
+        lens(UVec2::new(96, 72), 100.0).with_look_at(eye, Vec3::Y * 0.5, Vec3::Y)
     };
     (0..12).map(camera).collect()
 }
@@ -138,7 +138,7 @@ fn shares(mesh: &Mesh) -> [f32; 2] {
     let size = UVec2::new(640, 480);
     let half = 25.0f32.to_radians();
     let eye = center + Vec3::new(0.45, 0.3, 1.0).normalize() * radius / half.sin();
-    let camera = lens(size, 240.0 / half.tan()).looking(eye, center, Vec3::Y);
+    let camera = lens(size, 240.0 / half.tan()).with_look_at(eye, center, Vec3::Y);
     let mut solid = SolidRasterizer::new();
     let seen = solid.visibility(mesh, &camera, &SolidRasterOptions::default());
     let shown: Vec<usize> =
@@ -194,7 +194,7 @@ fn a_thing_on_a_wall_keeps_a_hands_breadth_of_it() {
         let turn = (i % 4) as f32 * 0.4 - 0.6;
         let height = (i / 4) as f32 * 0.5 - 0.5;
         let eye = Vec3::new(2.5 * turn.sin(), height, 0.5 + 2.5 * turn.cos());
-        lens(UVec2::new(96, 72), 100.0).looking(eye, Vec3::Z * 0.5, Vec3::Y)
+        lens(UVec2::new(96, 72), 100.0).with_look_at(eye, Vec3::Z * 0.5, Vec3::Y)
     };
     let (mesh, _) = bake_from((0..12).map(camera).collect(), Scene::Mesh(wall), &["subject"]);
     assert!(
@@ -252,7 +252,7 @@ fn around() -> Vec<Camera> {
         let turn = i as f32 * std::f32::consts::TAU / 18.0;
         let height = 1.0 + 0.5 * (i % 3) as f32;
         let eye = Vec3::new(2.5 * turn.sin(), height, 2.5 * turn.cos());
-        lens(UVec2::new(96, 72), 100.0).looking(eye, Vec3::Y * 0.5, Vec3::Y)
+        lens(UVec2::new(96, 72), 100.0).with_look_at(eye, Vec3::Y * 0.5, Vec3::Y)
     };
     (0..18).map(camera).collect()
 }
@@ -311,7 +311,7 @@ fn from_below(mesh: &Mesh) -> (RgbImage, Vec<bool>, Vec<bool>) {
     let size = UVec2::splat(200);
     let center = (low + high) / 2.0;
     let eye = center - Vec3::Y * 2.5 * (high - low).length();
-    let camera = lens(size, 400.0).looking(eye, center, Vec3::Z);
+    let camera = lens(size, 400.0).with_look_at(eye, center, Vec3::Z);
     let drawing = SolidRasterOptions::default();
     let mut solid = SolidRasterizer::new();
     let seen = solid.visibility(mesh, &camera, &drawing);

@@ -39,7 +39,7 @@ pub(crate) fn cameras() -> Vec<Camera> {
         size: UVec2::splat(64),
     };
     let eye = |i: u32| Vec3::new((i as f32 * 0.4).sin(), 0.3, (i as f32 * 0.4).cos()) * 3.0;
-    (0..16).map(|i| lens.looking(eye(i), Vec3::ZERO, Vec3::NEG_Y)).collect()
+    (0..16).map(|i| lens.with_look_at(eye(i), Vec3::ZERO, Vec3::NEG_Y)).collect()
 }
 
 pub(crate) fn soft(cameras: Vec<Camera>) -> ImportedScene {
@@ -79,7 +79,7 @@ pub(crate) fn psnr(asset: &Asset) -> f64 {
     let drawing = SolidRasterOptions { samples: 4, ..SolidRasterOptions::default() };
     let between = |i: u32| {
         let eye = Vec3::new((i as f32 * 0.4 + 0.2).sin(), 0.1, (i as f32 * 0.4 + 0.2).cos()) * 3.0;
-        eyes[0].looking(eye, Vec3::ZERO, Vec3::NEG_Y)
+        eyes[0].with_look_at(eye, Vec3::ZERO, Vec3::NEG_Y)
     };
     let one = |i| {
         let soft = teacher.picture(&between(i));

@@ -66,7 +66,7 @@ pub(super) fn cameras() -> Vec<Camera> {
         size: UVec2::new(128, 96),
     };
     let eye = |i: u32| Vec3::new((i % 5) as f32 * 0.4 - 0.8, (i / 5) as f32 * 0.5 - 0.6, -2.5);
-    (0..20).map(|i| lens.looking(eye(i), Vec3::ZERO, Vec3::NEG_Y)).collect()
+    (0..20).map(|i| lens.with_look_at(eye(i), Vec3::ZERO, Vec3::NEG_Y)).collect()
 }
 
 pub(super) fn photos() -> Vec<RgbImage> {
@@ -95,7 +95,7 @@ pub(super) fn textured(
 
 /// PSNR of a mesh against the painted wall from between the cameras, dB.
 pub(super) fn psnr(mesh: &Mesh) -> f64 {
-    let camera = cameras()[0].looking(Vec3::new(0.23, 0.11, -2.4), Vec3::ZERO, Vec3::NEG_Y);
+    let camera = cameras()[0].with_look_at(Vec3::new(0.23, 0.11, -2.4), Vec3::ZERO, Vec3::NEG_Y);
     let [wants, got] =
         [&painted(), mesh].map(|mesh| SolidRasterizer::new().render(mesh, &camera, &DRAWING));
     metric::psnr(&wants.rgb, &got.rgb, None)

@@ -87,8 +87,10 @@ fn a_point_lands_where_the_lens_shows_it_and_the_views_cover_the_field() {
                 continue;
             };
             let point = (eye + rotation.transpose() * ray * 5.0).as_vec3();
-            let places: Vec<_> =
-                views.iter().filter_map(|view| Some((view, view.camera.shows(point)?.0))).collect();
+            let places: Vec<_> = views
+                .iter()
+                .filter_map(|view| Some((view, view.camera.project(point)?.0)))
+                .collect();
             all += 1;
             shown += usize::from(!places.is_empty());
             for (view, place) in places {

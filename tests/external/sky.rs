@@ -63,7 +63,7 @@ fn views(scene: &Path) -> Vec<View> {
     let mut rasterizer = SolidRasterizer::new();
     let view = |ahead: Vec3| {
         let target = eye + ahead;
-        let camera = lens.looking(eye, target, Vec3::Y);
+        let camera = lens.with_look_at(eye, target, Vec3::Y);
         let options = SolidRasterOptions { near: 0.001, ..SolidRasterOptions::default() };
         let free = free(&rasterizer.visibility(&mesh, &camera, &options).face);
         let free =

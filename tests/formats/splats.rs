@@ -857,7 +857,7 @@ fn cameras_of_another_frame_are_turned_and_those_of_another_scene_are_not_used()
     assert!(other.warnings[0].contains("(x, -y, -z)"), "{:?}", other.warnings);
     for ((_, camera), (_, turned)) in own.cameras.iter().zip(&other.cameras) {
         for (point, other) in own.splats.positions.iter().zip(&other.splats.positions) {
-            let [a, b] = [camera.shows(*point), turned.shows(*other)];
+            let [a, b] = [camera.project(*point), turned.project(*other)];
             assert!(
                 a.zip(b).is_none_or(|((a, _), (b, _))| a.distance(b) < 1e-3),
                 "the same picture"

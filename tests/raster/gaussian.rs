@@ -118,7 +118,7 @@ fn camera(eye: Vec3, center: Vec2) -> Camera {
         center,
         size: UVec2::new(83, 61),
     };
-    lens.looking(eye, Vec3::ZERO, Vec3::NEG_Y)
+    lens.with_look_at(eye, Vec3::ZERO, Vec3::NEG_Y)
 }
 
 /// The difference that 99.9% of the numbers of two pictures stay below, and the largest one.

@@ -203,7 +203,7 @@ fn hostile_scenes_make_no_surface_and_no_panic() {
     assert_eq!(made(&nothing, &[], &OPTIONS).0, None);
     let away = around(4, 3.0, 32)
         .into_iter()
-        .map(|c| c.looking(c.position(), c.position() * 2.0, Vec3::Y));
+        .map(|c| c.with_look_at(c.position(), c.position() * 2.0, Vec3::Y));
     assert_eq!(made(&ball(Vec3::ZERO).into(), &away.collect::<Vec<_>>(), &OPTIONS).0, None);
     let mut broken = ball(Vec3::ZERO);
     broken.positions.iter_mut().step_by(7).for_each(|p| p.y = f32::MAX);

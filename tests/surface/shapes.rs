@@ -60,7 +60,7 @@ pub(crate) fn camera(eye: Vec3, side: u32) -> Camera {
         center: Vec2::splat(side as f32 / 2.0),
         size: UVec2::splat(side),
     };
-    lens.looking(eye, Vec3::ZERO, Vec3::NEG_Y)
+    lens.with_look_at(eye, Vec3::ZERO, Vec3::NEG_Y)
 }
 
 /// `count` cameras all around, at `distance`.

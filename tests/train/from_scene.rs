@@ -7,7 +7,7 @@ use std::path::Path;
 use trisplat::{BakeOptions, Dataset, DatasetOptions, ImportedScene, Scene, Soup, train};
 use trisplat::{TrainOptions, TrainPreset, Trained};
 use trisplat_bake::{Bake, TeacherOptions};
-use trisplat_scene::{Placement, UpAxis, placed};
+use trisplat_scene::{Placement, UpAxis, frames};
 use trisplat_synthetic::SyntheticOptions;
 use trisplat_teacher as teacher;
 use trisplat_train::{RunOptions, TrainRun, checkpoint};
@@ -155,7 +155,7 @@ fn a_scene_placed_anew_starts_where_it_was() {
     let mut moved: ImportedScene = soft.clone().into();
     moved.provenance.placement = placement;
     moved.cameras =
-        soft.cameras.iter().map(|c| placed::to_file(c, &placement, DVec3::ZERO)).collect();
+        soft.cameras.iter().map(|c| frames::to_file(c, &placement, DVec3::ZERO)).collect();
     let Scene::Soup(soup) = &mut moved.scene else { panic!("a soup") };
     soup.vertices.iter_mut().flatten().for_each(|v: &mut Vec3| *v = placement.to_file(*v));
     let psnr = |from: ImportedScene| {

@@ -34,7 +34,7 @@ fn psnr_over(code: u8, asset: &Asset, dataset: &Dataset) -> f64 {
         SolidRasterOptions { background: [f32::from(code) / 255.0; 3], samples: 2, near: 0.01 };
     let held_out: Vec<_> = dataset.views.iter().filter(|view| view.test).collect();
     let psnr = |view: &&trisplat_dataset::View| {
-        let photo = view.photo.decode().unwrap().over_instead_of_black([code; 3]);
+        let photo = view.photo.decode().unwrap().recomposited([code; 3]);
         metric::psnr(
             &photo.rgb,
             &SolidRasterizer::new().render(&mesh, &view.camera, &options).rgb,
@@ -89,9 +89,8 @@ fn an_object_is_judged_over_black_and_over_white() {
     let photo = RgbImage { size, rgb: rgb.clone(), alpha: Some(alpha) };
     // A black slab where nothing is shows over white only.
     let slab = |_: [f32; 3]| Ok(RgbImage { size, rgb: rgb.clone(), alpha: None });
-    let exact = |background: [f32; 3]| {
-        Ok(photo.over_instead_of_black(background.map(|c| (255.0 * c) as u8)))
-    };
+    let exact =
+        |background: [f32; 3]| Ok(photo.recomposited(background.map(|c| (255.0 * c) as u8)));
     let slab = Quality::over_two(&photo, slab).unwrap();
     let exact = Quality::over_two(&photo, exact).unwrap();
     assert!(exact.psnr > 60.0 && slab.psnr < exact.psnr - 20.0, "{slab:?} {exact:?}");

@@ -60,7 +60,7 @@ fn camera(distance: f32) -> Camera {
         center: Vec2::new(120.0, 90.0),
         size: UVec2::new(240, 180),
     };
-    lens.looking(Vec3::new(0.5, -0.4, -2.4) * distance, Vec3::ZERO, Vec3::NEG_Y)
+    lens.with_look_at(Vec3::new(0.5, -0.4, -2.4) * distance, Vec3::ZERO, Vec3::NEG_Y)
 }
 
 fn asset(mesh: Mesh, chunks: u32) -> Asset {

@@ -210,7 +210,7 @@ mod tests {
                 center: Vec2::splat(50.0),
                 size: UVec2::splat(100),
             };
-            lens.looking(Vec3::new(x, 0.0, 0.0), Vec3::new(x + 1.0, 0.0, 0.0), Vec3::Y)
+            lens.with_look_at(Vec3::new(x, 0.0, 0.0), Vec3::new(x + 1.0, 0.0, 0.0), Vec3::Y)
         };
         let cameras = [camera(3.9), camera(5.9)];
         assert_eq!(left(&["seen:1"], &cameras).ok(), Some(6));

@@ -152,7 +152,7 @@ fn see(mesh: &Mesh, cameras: &[&Camera]) -> Vec<Seen> {
     let mut solid = SolidRasterizer::new();
     let drawing = SolidRasterOptions { samples: 1, ..SolidRasterOptions::default() };
     for camera in cameras {
-        let camera = camera.within(SIDE);
+        let camera = camera.fit_within(SIDE);
         let eye = camera.position();
         let shown = solid.visibility(mesh, &camera, &drawing);
         for &face in shown.face.iter().filter(|face| **face != NO_FACE) {

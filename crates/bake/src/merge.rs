@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 use trisplat_formats::is_far;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{
-    Error, ImportedScene, Placement, Provenance, Result, Scene, UpDirection, placed,
+    Error, ImportedScene, Placement, Provenance, Result, Scene, UpDirection, frames,
 };
 
 /// One scene out of `inputs`, in their order.
@@ -211,7 +211,7 @@ pub(super) fn rebase(loaded: &mut ImportedScene, frame: &Placement) {
             mesh.normals.iter_mut().for_each(|n| *n = (rotation * n.as_dvec3()).as_vec3());
         }
     }
-    let to_file = |camera| placed::to_file(camera, &moved, DVec3::ZERO);
+    let to_file = |camera| frames::to_file(camera, &moved, DVec3::ZERO);
     loaded.cameras = loaded.cameras.iter().map(to_file).collect();
     let viewpoint =
         loaded.provenance.viewpoint.map(|viewpoint| moved.viewpoint_to_file(&viewpoint));

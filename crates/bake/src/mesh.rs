@@ -18,7 +18,7 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Outcome, Report, StageObserver, generator};
 use trisplat_scene::{
-    Asset, Chunk, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene, placed,
+    Asset, Chunk, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene, frames,
 };
 use trisplat_surface::{Part, SurfaceDetails, SurfaceOptions, surface_of_part};
 
@@ -167,7 +167,7 @@ pub fn mesh(
         })?;
     report.warnings.extend(report.details::<PlaceDetails>().and_then(|details| details.warning()));
     provenance.generator = Some(generator());
-    let known: Vec<Camera> = known.iter().map(|c| placed::to_file(c, &how, DVec3::ZERO)).collect();
+    let known: Vec<Camera> = known.iter().map(|c| frames::to_file(c, &how, DVec3::ZERO)).collect();
     let mut asset = Asset { provenance, ..Asset::from(found) };
     asset.chunks = scene_and_backdrop(&asset);
     by_material(&mut asset);

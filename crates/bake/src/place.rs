@@ -15,7 +15,9 @@ use trisplat_scene::math::lists::all_finite;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::ranges::{self, Called};
 use trisplat_scene::report::Outcome;
-use trisplat_scene::{Error, Placement, Provenance, Result, UpAxis, UpDirection, parallel, placed};
+use trisplat_scene::{
+    Error, Placement, Provenance, Result, UpAxis, UpDirection, frames, parallel, stored_cameras,
+};
 use up::{Confidence, Evidence, UpEstimate};
 use words::{KnownLength, UpChoice};
 
@@ -176,9 +178,9 @@ pub fn place(
     provenance.placement = provenance.placement.then(&placement);
     let viewpoint = provenance.viewpoint.map(|viewpoint| placement.viewpoint_to_file(&viewpoint));
     provenance.viewpoint = viewpoint.filter(Viewpoint::is_possible);
-    let cameras = placed::named_cameras(provenance);
-    let cameras = cameras.iter().map(|camera| placed::to_file(camera, &placement, DVec3::ZERO));
-    provenance.cameras = placed::named(&cameras.collect::<Vec<Camera>>());
+    let cameras = stored_cameras::decode_cameras(&provenance.cameras);
+    let cameras = cameras.iter().map(|camera| frames::to_file(camera, &placement, DVec3::ZERO));
+    provenance.cameras = stored_cameras::encode_cameras(&cameras.collect::<Vec<Camera>>());
     details.scale = Some(placement.scale);
     details.center = Some(placement.center);
     details.rotate = (placement.rotate != 0.0).then_some(placement.rotate);
@@ -237,7 +239,7 @@ fn front(mesh: &Mesh, how: &Placement, cameras: &[Camera]) -> Option<f64> {
         return None;
     }
     let cameras: Vec<Camera> =
-        cameras.iter().map(|c| placed::to_file(c, how, DVec3::ZERO)).collect();
+        cameras.iter().map(|c| frames::to_file(c, how, DVec3::ZERO)).collect();
     let transform = how.transform();
     let corners = |face: usize| mesh.corners(face).map(&transform);
     let count = mesh.face_count();
@@ -463,7 +465,7 @@ mod under_tests {
             radius: None,
             orbit: None,
         };
-        let photo = photo.camera(UVec2::new(120, 90)).looking(
+        let photo = photo.camera(UVec2::new(120, 90)).with_look_at(
             middle + Vec3::new(-3.0, 0.5, 1.0),
             middle,
             Vec3::Y,
@@ -480,7 +482,7 @@ mod under_tests {
                 &options,
                 &mut PlaceDetails::default(),
             );
-            (placed::to_file(&photo, &how, DVec3::ZERO).position(), how.rotate)
+            (frames::to_file(&photo, &how, DVec3::ZERO).position(), how.rotate)
         };
         let (eye, turn) = faces(0.0);
         assert!(eye.z > 2.5 && eye.x.abs() < 0.2 && turn != 0.0, "{eye} after {turn}");

@@ -32,8 +32,8 @@ use pictures::{Cameras, Pictures, Seen, Shared};
 use std::ops::ControlFlow::Continue;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::placed::{named, named_cameras};
 use trisplat_scene::report::{Outcome, Report, StageDetails, StageEvent, StageObserver, counted};
+use trisplat_scene::stored_cameras::{decode_cameras, encode_cameras};
 use trisplat_scene::{Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene};
 use trisplat_surface::{SurfaceDetails, collision, surface};
 
@@ -123,7 +123,7 @@ impl<'a> Recipe<'a> {
 
         let seen = Seen { watching: &cameras.watching, facing: facing.as_ref() };
         if !cameras.of_photos.is_empty() {
-            provenance.cameras = named(&cameras.of_photos);
+            provenance.cameras = encode_cameras(&cameras.of_photos);
         }
         let from = Provenance { backdrop: count_behind, ..provenance.clone() };
         let evidence = Evidence { cameras: &cameras.of_photos, points: pictures.points() };
@@ -235,7 +235,7 @@ impl<'a> Recipe<'a> {
     /// hide it in pictures.
     fn crop(&mut self, loaded: ImportedScene, pictures: &Pictures<'_>) -> Result<ImportedScene> {
         let options = &self.options.crop;
-        let of_file = named_cameras(&loaded.provenance);
+        let of_file = decode_cameras(&loaded.provenance.cameras);
         let mut loaded = self.report.stage(
             self.observer,
             loaded,

@@ -17,9 +17,9 @@ use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::lists::evenly_spaced;
 use trisplat_scene::math::metric;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::placed::named_cameras;
 use trisplat_scene::ranges::{self, Called};
 use trisplat_scene::report::Outcome;
+use trisplat_scene::stored_cameras::decode_cameras;
 use trisplat_scene::{ImportedScene, Result, Scene, Soup};
 use trisplat_teacher::{Teacher, ViewpointKind, Viewpoints};
 
@@ -170,7 +170,7 @@ pub(super) fn viewpoints(scene: &ImportedScene) -> Option<Viewpoints> {
 /// Where a mesh is seen from: the cameras of photos that its file names or, without any, places
 /// chosen by its first viewpoint. None without that.
 pub(super) fn own_cameras(scene: &ImportedScene) -> Vec<Camera> {
-    let named = named_cameras(&scene.provenance);
+    let named = decode_cameras(&scene.provenance.cameras);
     let is_seen = scene.provenance.viewpoint.is_some_and(|first| first.is_possible());
     if !named.is_empty() || !is_seen {
         return named;

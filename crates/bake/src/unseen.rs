@@ -246,7 +246,7 @@ fn outside_first(mesh: &Mesh, cameras: &[Camera], faces: &mut [u32]) -> usize {
         let face = faces[at];
         let [a, b, c] = mesh.corners(face as usize);
         let points = [a, b, c, mesh.centroid(face as usize)];
-        !cameras.iter().any(|camera| points.iter().any(|point| camera.frames(*point)))
+        !cameras.iter().any(|camera| points.iter().any(|point| camera.is_in_frustum(*point)))
     };
     let outside: Vec<bool> = parallel::collect(faces.len(), 1, is_outside);
     let of = |which: bool| {

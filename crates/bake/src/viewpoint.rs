@@ -110,7 +110,7 @@ mod tests {
         viewpoint(&mut asset, &[], &mut ViewpointDetails::default());
         assert_eq!(asset.provenance.viewpoint, Some(said));
         let size = glam::UVec2::splat(100);
-        let camera = said.camera(size).looking(Vec3::new(0.5, 1.0, 2.5), Vec3::ZERO, Vec3::Y);
+        let camera = said.camera(size).with_look_at(Vec3::new(0.5, 1.0, 2.5), Vec3::ZERO, Vec3::Y);
         viewpoint(&mut asset, &[camera], &mut ViewpointDetails::default());
         assert_ne!(asset.provenance.viewpoint, Some(said));
     }

@@ -11,7 +11,7 @@ use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::lists::{evenly_spaced, median};
 use trisplat_scene::math::metric;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::{Placement, Result, placed};
+use trisplat_scene::{Placement, Result, frames};
 
 /// Near plane as a share of the median distance from the cameras to the middle of the scene, as in
 /// training.
@@ -204,7 +204,7 @@ impl Views {
         }
         let (cameras, points) = &self.read;
         self.cameras =
-            cameras.iter().map(|camera| placed::to_file(camera, placement, self.origin)).collect();
+            cameras.iter().map(|camera| frames::to_file(camera, placement, self.origin)).collect();
         let transform = placement.transform();
         let origin = self.origin;
         self.points = points.iter().map(|p| transform((p.as_dvec3() + origin).as_vec3())).collect();
@@ -225,7 +225,7 @@ impl Views {
     pub fn photo(&mut self, view: usize) -> Result<Arc<RgbImage>> {
         let photo = self.taken(view)?;
         Ok(if self.is_cut(view) && photo.alpha.is_some() {
-            Arc::new(photo.undimmed())
+            Arc::new(photo.unpremultiplied())
         } else {
             photo
         })
@@ -306,9 +306,7 @@ impl Views {
             let of_view = if !cut {
                 scores(&photo, options.background)
             } else {
-                let of = |code: u8| {
-                    (photo.over_instead_of_black([code; 3]), [f32::from(code) / 255.0; 3])
-                };
+                let of = |code: u8| (photo.recomposited([code; 3]), [f32::from(code) / 255.0; 3]);
                 let [black, white] = [of(0), of(255)];
                 let [black, white] = [scores(&black.0, black.1), scores(&white.0, white.1)];
                 std::array::from_fn(|i| (black[i] + white[i]) / 2.0)

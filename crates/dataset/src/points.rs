@@ -79,7 +79,7 @@ pub fn random_points(views: &[&View], count: usize, seed: u64) -> Vec<Point> {
         let shared = |at: &Vec3| {
             views
                 .iter()
-                .any(|other| !std::ptr::eq(*other, view) && other.camera.shows(*at).is_some())
+                .any(|other| !std::ptr::eq(*other, view) && other.camera.project(*at).is_some())
         };
         let position = (0..TRIES).map(place).find(shared).unwrap_or_else(|| place(0));
         Point { position, rgb: [128; 3], error: None }
@@ -208,7 +208,7 @@ mod tests {
             for (point, near) in points.iter().zip(&near) {
                 assert!(f64::from(near.position.length()) < 1.01 * horizon);
                 for camera in &cameras {
-                    let shown = [point, near].map(|point| camera.shows(point.position));
+                    let shown = [point, near].map(|point| camera.project(point.position));
                     if let [Some((a, _)), Some((b, _))] = shown {
                         assert!(a.distance(b) < 1.0, "{a} {b}");
                         seen += usize::from(point.position != near.position);

@@ -78,7 +78,7 @@ impl Sight {
         let (size, weights) = view.photo.decode_mask().ok()??;
         let camera = view.camera.resized(size);
         let keeps = |point: &Point| {
-            let at = camera.shows(point.position)?.0.as_uvec2();
+            let at = camera.project(point.position)?.0.as_uvec2();
             Some(weights[(at.y * size.x + at.x) as usize] > 127)
         };
         let mut cells = vec![(0.0, 0.0); (CELLS * CELLS) as usize];

@@ -81,7 +81,7 @@ pub(super) fn decide(
     let views: Vec<&View> = dataset.train().collect();
     let solved = solve_exposures(dataset, |i| {
         let photo = Arc::new(views[i].photo.decode()?);
-        let camera = views[i].camera.within(LONGER_PX);
+        let camera = views[i].camera.fit_within(LONGER_PX);
         small.push(View {
             camera,
             photo: Photo::drawn(photo.downscaled(camera.size)),
@@ -139,7 +139,7 @@ fn has_time(dataset: &Dataset, options: &TrainOptions, budget_secs: Option<f64>)
     let steps = STEPS_PER_PHOTO * trained_on * first_left_out(count).count() as u64;
     let trainings = TrainOptions { steps, max_triangles: MAX_TRIANGLES, ..TrainOptions::default() };
     let run_secs = budget_secs.unwrap_or_else(|| secs(options, camera.size));
-    secs(&trainings, camera.within(LONGER_PX).size) <= MAX_SHARE * run_secs
+    secs(&trainings, camera.fit_within(LONGER_PX).size) <= MAX_SHARE * run_secs
 }
 
 /// A short training on a CPU: a graphics card gains nothing on small photos.

@@ -12,7 +12,7 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::math::geometry::centroid;
 use trisplat_scene::math::lists::evenly_spaced;
 use trisplat_scene::report::Report;
-use trisplat_scene::{Error, ImportedSplats, Result, placed};
+use trisplat_scene::{Error, ImportedSplats, Result, frames};
 use trisplat_teacher::{
     GaussianTeacher, ViewpointKind, Viewpoints, between, drawn_beside, drawn_for,
 };
@@ -122,7 +122,7 @@ pub(super) fn solid(
     report.warnings.append(&mut splats.warnings);
     let placement = splats.provenance.placement;
     let to_file =
-        |camera: &Camera| photos.map_or(*camera, |p| placed::to_file(camera, &placement, p.origin));
+        |camera: &Camera| photos.map_or(*camera, |p| frames::to_file(camera, &placement, p.origin));
     let cameras = match photos {
         Some(photos) => {
             photos.train().map(|view| effort.surroundings.limited(&to_file(&view.camera))).collect()

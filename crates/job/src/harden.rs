@@ -149,7 +149,7 @@ const LOOK_SIDE: u32 = 96;
 fn check_shown(soup: &Soup, dataset: &Dataset) -> Result<()> {
     let drawn: Vec<&View> = dataset.train().filter(|view| view.photo.is_drawn()).collect();
     let looks: Vec<&View> = evenly_spaced(drawn.len(), LOOKS).map(|i| drawn[i]).collect();
-    let cameras: Vec<Camera> = looks.iter().map(|view| view.camera.within(LOOK_SIDE)).collect();
+    let cameras: Vec<Camera> = looks.iter().map(|view| view.camera.fit_within(LOOK_SIDE)).collect();
     let middle = |i: usize| centroid(soup.vertices[i]);
     let space = SceneNormalization::of(&cameras, soup.len(), middle);
     let options = SolidRasterOptions { near: NEAR / space.scale, ..SolidRasterOptions::default() };

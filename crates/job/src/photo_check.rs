@@ -79,7 +79,7 @@ fn overlap(one: &Camera, other: &Camera, unit: f32) -> bool {
     let mut points =
         rays.flat_map(|ray| DISTANCES.map(move |power| ray * unit * f32::powi(2.0, power)));
     let to_world = one.rotation.transpose();
-    points.any(|point| other.frames(to_world * point + one.position()))
+    points.any(|point| other.is_in_frustum(to_world * point + one.position()))
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use trisplat_formats::{self as formats, Format, ReadOptions, WrittenFiles, gltf}
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::report::Report;
-use trisplat_scene::{Asset, Error, ImportedScene, Limits, Placement, Result, Scene, placed};
+use trisplat_scene::{Asset, Error, ImportedScene, Limits, Placement, Result, Scene, frames};
 use trisplat_train::SOLID_SAMPLES;
 
 const BLACK: [f32; 3] = [0.0; 3];
@@ -156,7 +156,7 @@ impl Renderer {
         camera.validate(&Limits::DEFAULT)?;
         let mut scene = self.scene.lock().unwrap_or_else(PoisonError::into_inner);
         scene.validate(camera.size, &Limits::DEFAULT)?;
-        Ok(scene.color(&placed::to_file(camera, &self.placement, DVec3::ZERO)))
+        Ok(scene.color(&frames::to_file(camera, &self.placement, DVec3::ZERO)))
     }
 }
 

@@ -13,7 +13,7 @@ use trisplat_scene::math::geometry::spread;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Result, Scene, SceneNormalization, Soup,
-    Splats, placed,
+    Splats, frames,
 };
 #[cfg(feature = "gpu")]
 use trisplat_train::CardScene;
@@ -276,7 +276,7 @@ impl SceneRenderer {
 impl SplatsScene {
     fn draw(&self, camera: &Camera) -> Frame {
         let camera = match &self.placed {
-            Some((placement, origin)) => placed::to_file(camera, placement, *origin),
+            Some((placement, origin)) => frames::to_file(camera, placement, *origin),
             None => *camera,
         };
         gaussian::draw(&self.splats, &camera, &self.options)
@@ -378,7 +378,7 @@ impl BakedScene {
     /// A camera of the source's world, given relative to its point `origin`, in the frame of the
     /// asset.
     pub fn place(&self, camera: &Camera, origin: DVec3) -> Camera {
-        placed::to_file(camera, &self.asset.provenance.placement, origin)
+        frames::to_file(camera, &self.asset.provenance.placement, origin)
     }
 }
 

@@ -10,7 +10,7 @@ use trisplat_raster::framing::{Surroundings, orbit, up_of};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::{
-    Error, ImportedScene, ImportedSplats, Placement, Provenance, Result, Scene, UpAxis, placed,
+    Error, ImportedScene, ImportedSplats, Placement, Provenance, Result, Scene, UpAxis, frames,
 };
 use trisplat_train::BackendOptions;
 
@@ -164,7 +164,7 @@ impl RenderJob {
         let listed = read_cameras(list, origin, &self.dataset_options.limits)?;
         Ok(listed
             .into_iter()
-            .map(|(name, c)| (name, placed::to_file(&c, placement, origin)))
+            .map(|(name, c)| (name, frames::to_file(&c, placement, origin)))
             .collect())
     }
 
@@ -272,7 +272,7 @@ fn orbit_cameras(
     let origin = dataset.map_or(DVec3::ZERO, |dataset| dataset.origin);
     let cameras: Vec<Camera> = match dataset {
         Some(dataset) => {
-            dataset.views.iter().map(|v| placed::to_file(&v.camera, placement, origin)).collect()
+            dataset.views.iter().map(|v| frames::to_file(&v.camera, placement, origin)).collect()
         }
         None => loaded.cameras.clone(),
     };
@@ -293,7 +293,7 @@ fn orbit_cameras(
     let room = |way: Vec3| surroundings.room_towards(target, way);
     let cameras =
         orbit(&viewpoint, up, &room, size, count).into_iter().map(|camera| match dataset {
-            Some(_) => placed::to_world(&camera, placement, origin),
+            Some(_) => frames::to_world(&camera, placement, origin),
             None => camera,
         });
     Ok(cameras.enumerate().map(|(i, camera)| (format!("orbit_{i:04}.png"), camera)).collect())

@@ -164,10 +164,10 @@ pub(super) fn measure_cut(
 ) -> ScoredPicture {
     let [black, white] = [0, 255].map(|code: u8| draw([f32::from(code) / 255.0; 3]));
     let straight = straight(&black, &white);
-    let map = ColorMap::fit(&straight.rgb, &photo.undimmed().rgb, photo.alpha.as_deref());
+    let map = ColorMap::fit(&straight.rgb, &photo.unpremultiplied().rgb, photo.alpha.as_deref());
     let corrected = RgbImage { rgb: map.of(&straight.rgb), ..straight };
     let over = |code: u8, picture: RgbImage| {
-        let photo = photo.over_instead_of_black([code; 3]);
+        let photo = photo.recomposited([code; 3]);
         measure_with(step, name, &photo, picture, |_| corrected.clone().over([code; 3]).rgb)
     };
     let black = over(0, black);
@@ -183,7 +183,7 @@ fn straight(black: &RgbImage, white: &RgbImage) -> RgbImage {
         255 - ((through + 1) / 3) as u8
     };
     let alpha = black.rgb.iter().zip(&white.rgb).map(opacity).collect();
-    RgbImage { alpha: Some(alpha), ..black.clone() }.undimmed()
+    RgbImage { alpha: Some(alpha), ..black.clone() }.unpremultiplied()
 }
 
 /// Judges drawings of held-out photos only where at least two training photos look: what fewer show
@@ -234,7 +234,8 @@ impl<'a> ShownTwice<'a> {
             let depth = seen.depth[pixel];
             let ray = ((at + 0.5 - camera.center) / camera.focal).extend(1.0);
             let place = camera.position() + back * ray * depth;
-            let shown = || self.cameras.iter().filter(|other| other.frames(place)).nth(1).is_some();
+            let shown =
+                || self.cameras.iter().filter(|other| other.is_in_frustum(place)).nth(1).is_some();
             let of_photo = photo.alpha.as_ref().map_or(u8::MAX, |alpha| alpha[pixel]);
             if depth.is_finite() && shown() { of_photo } else { 0 }
         };

@@ -181,7 +181,7 @@ impl<'a> Coverage<'a> {
     /// Draws what the camera may see small and weighs its triangles; returns the camera of the
     /// drawing.
     fn draw(&self, brush: &mut Brush, camera: &Camera) -> Camera {
-        let small = self.space.camera_to_training(camera).within(LONGEST_PX);
+        let small = self.space.camera_to_training(camera).fit_within(LONGEST_PX);
         brush.take(&self.cells, &small);
         let options = SoftOptions { importance: true, ..self.options };
         brush.soft.render(&SoupRef::from(&brush.soup), &small, &options);
@@ -387,7 +387,9 @@ mod tests {
             size: UVec2::new(64, 48),
         };
         let at = |i: u32| Vec3::new(4.0 * i as f32, 0.0, 1.5);
-        (0..100).map(|i| lens.looking(at(i), at(i) + Vec3::new(0.3, 1.0, 0.0), Vec3::Z)).collect()
+        (0..100)
+            .map(|i| lens.with_look_at(at(i), at(i) + Vec3::new(0.3, 1.0, 0.0), Vec3::Z))
+            .collect()
     }
 
     #[test]

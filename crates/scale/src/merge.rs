@@ -18,7 +18,7 @@ use trisplat_scene::math::geometry::centroid;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene, Soup, Tile, UpAxis,
-    placed,
+    frames,
 };
 
 /// The trained blocks of a plan.
@@ -292,7 +292,7 @@ impl City<'_> {
             (self.done)(index, 0);
             return Ok(None);
         }
-        let to_file = |camera| placed::to_file(camera, &self.placement, DVec3::ZERO);
+        let to_file = |camera| frames::to_file(camera, &self.placement, DVec3::ZERO);
         let cameras = cameras.iter().map(to_file).collect();
         let scene = ImportedScene { cameras, ..self.placed(rest) };
         // It is placed already, like all others.

@@ -29,7 +29,7 @@ impl Camera {
     /// A camera at `eye` that looks at `target`, with `up` upwards in its picture; `fov_y` is the
     /// vertical field of view, radians.
     pub fn look_at(eye: Vec3, target: Vec3, up: Vec3, fov_y: f32, size: impl Into<UVec2>) -> Self {
-        Self::at_origin(fov_y, size.into()).looking(eye, target, up)
+        Self::at_origin(fov_y, size.into()).with_look_at(eye, target, up)
     }
 
     /// The camera of a view matrix as of glTF and OpenGL, with +y up and -z forward; `fov_y` in
@@ -59,9 +59,9 @@ impl Camera {
         Self { focal: self.focal * ratio, center: self.center * ratio, size, ..*self }
     }
 
-    /// Where the picture shows a point of the world, hidden or not, px, and its depth; `None`
-    /// outside the picture.
-    pub fn shows(&self, point: Vec3) -> Option<(Vec2, f32)> {
+    /// Project a point of the world: its pixel position and depth, hidden or not; `None` outside the
+    /// picture.
+    pub fn project(&self, point: Vec3) -> Option<(Vec2, f32)> {
         let seen = self.rotation * point + self.translation;
         let at = seen.truncate() / seen.z * self.focal + self.center;
         let within =
@@ -69,8 +69,8 @@ impl Camera {
         within.then_some((at, seen.z))
     }
 
-    /// Whether a point of the world lies within the picture, hidden or not.
-    pub fn frames(&self, point: Vec3) -> bool {
+    /// True when a point of the world is within the picture, hidden or not.
+    pub fn is_in_frustum(&self, point: Vec3) -> bool {
         let [x, y, z] = (self.rotation * point + self.translation).to_array();
         let [u, v] = [self.focal.x * x + self.center.x * z, self.focal.y * y + self.center.y * z];
         let within = |at: f32, size: u32| at >= 0.0 && at <= size as f32 * z;
@@ -78,7 +78,7 @@ impl Camera {
     }
 
     /// The same camera for a picture with sides of at most `longest`, px.
-    pub fn within(&self, longest: u32) -> Self {
+    pub fn fit_within(&self, longest: u32) -> Self {
         let share = f64::from(longest) / f64::from(self.size.max_element());
         if share >= 1.0 {
             *self
@@ -89,7 +89,7 @@ impl Camera {
 
     /// The same camera moved to `eye`, with `target` in the middle of its view and `up` upwards in
     /// it.
-    pub fn looking(&self, eye: Vec3, target: Vec3, up: Vec3) -> Self {
+    pub fn with_look_at(&self, eye: Vec3, target: Vec3, up: Vec3) -> Self {
         let forward = (target - eye).normalize_or(Vec3::Z);
         let right =
             forward.cross(up).try_normalize().unwrap_or_else(|| forward.any_orthonormal_vector());
@@ -197,7 +197,7 @@ impl Viewpoint {
         let focal = size.y as f32 / (2.0 * (self.fov.to_radians() / 2.0).tan() as f32);
         let lens = Camera { focal: Vec2::splat(focal), ..Camera::at_origin(1.0, size) };
         let [eye, target, up] = [self.eye, self.target, self.up].map(|v| DVec3::from(v).as_vec3());
-        lens.looking(eye, target, up)
+        lens.with_look_at(eye, target, up)
     }
 
     /// Whether a camera can look from here: its numbers fit an `f32`, and it has a distance and
@@ -245,14 +245,17 @@ mod tests {
     fn a_camera_looks_at_its_target_with_up_upwards() {
         let eye = Vec3::new(3.0, -2.0, 1.0);
         let target = Vec3::new(0.5, 0.25, -1.0);
-        let camera = CAMERA.looking(eye, target, Vec3::NEG_Y);
+        let camera = CAMERA.with_look_at(eye, target, Vec3::NEG_Y);
         assert!((camera.position() - eye).length() < 1e-5);
         assert!((camera.rotation.determinant() - 1.0).abs() < 1e-5);
         let seen = camera.rotation * target + camera.translation;
         assert!(seen.truncate().length() < 1e-5 && seen.z > 0.0, "{seen}");
         assert!((camera.rotation * Vec3::NEG_Y).y < 0.0, "up is towards smaller rows");
         assert!(
-            CAMERA.looking(Vec3::ZERO, Vec3::NEG_Y, Vec3::NEG_Y).validate(&Limits::DEFAULT).is_ok(),
+            CAMERA
+                .with_look_at(Vec3::ZERO, Vec3::NEG_Y, Vec3::NEG_Y)
+                .validate(&Limits::DEFAULT)
+                .is_ok(),
             "straight up"
         );
     }
@@ -289,9 +292,9 @@ mod tests {
     fn the_focus_is_what_all_look_at() {
         let target = Vec3::new(1.0, 2.0, 3.0);
         let eyes = [Vec3::ZERO, Vec3::X * 4.0, Vec3::new(-2.0, 5.0, 1.0)];
-        let cameras = eyes.map(|eye| CAMERA.looking(eye, target, Vec3::NEG_Y));
+        let cameras = eyes.map(|eye| CAMERA.with_look_at(eye, target, Vec3::NEG_Y));
         assert!(focus(cameras.iter()).is_some_and(|f| f.distance(target) < 1e-4));
-        let away = eyes.map(|eye| CAMERA.looking(eye, 2.0 * eye - target, Vec3::NEG_Y));
+        let away = eyes.map(|eye| CAMERA.with_look_at(eye, 2.0 * eye - target, Vec3::NEG_Y));
         assert_eq!(focus(away.iter()), None, "it is behind them");
         assert_eq!(focus([CAMERA; 3].iter()), None, "parallel axes");
         assert_eq!(focus([].iter()), None);

@@ -186,7 +186,7 @@ impl RgbImage {
     }
 
     /// Adds a background to a picture with colours over black, and removes the alpha.
-    pub fn over_instead_of_black(&self, background: [u8; 3]) -> Self {
+    pub fn recomposited(&self, background: [u8; 3]) -> Self {
         let mut rgb = self.rgb.clone();
         for (pixel, &a) in rgb.iter_mut().zip(self.alpha.iter().flatten()) {
             for (c, &under) in pixel.iter_mut().zip(&background) {
@@ -198,7 +198,7 @@ impl RgbImage {
     }
 
     /// Divides colours over black by their alpha; black where alpha is 0.
-    pub fn undimmed(&self) -> Self {
+    pub fn unpremultiplied(&self) -> Self {
         let mut straight = self.clone();
         for (pixel, &a) in straight.rgb.iter_mut().zip(self.alpha.iter().flatten()) {
             let a = u32::from(a).max(1);

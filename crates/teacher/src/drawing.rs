@@ -16,7 +16,7 @@ use trisplat_raster::soft::{
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::lists::{evenly_spaced, median};
-use trisplat_scene::{Error, ImportedScene, Result, SceneNormalization, Soup, placed};
+use trisplat_scene::{Error, ImportedScene, Result, SceneNormalization, Soup, frames};
 
 /// Largest coordinate of a drawn triangle.
 const REACH: f32 = 1e15;
@@ -154,7 +154,7 @@ impl Background {
     /// them.
     pub fn of(soup: &Soup, cameras: &[Camera], given: Option<[f32; 3]>) -> Option<Self> {
         let chosen = evenly_spaced(cameras.len(), MAX_PICTURES);
-        let cameras: Vec<Camera> = chosen.map(|i| cameras[i].within(SIDE)).collect();
+        let cameras: Vec<Camera> = chosen.map(|i| cameras[i].fit_within(SIDE)).collect();
         let drawn: Vec<usize> = (0..soup.len()).filter(|i| is_drawn(&soup.vertices[*i])).collect();
         let part = soup.picked(&drawn);
         let rgb = match given {
@@ -323,7 +323,7 @@ pub fn beside(
 ) -> Result<Dataset> {
     let cameras: Vec<Camera> = photos.train().map(|view| view.camera).collect();
     let to_file =
-        |camera: &Camera| placed::to_file(camera, &scene.provenance.placement, photos.origin);
+        |camera: &Camera| frames::to_file(camera, &scene.provenance.placement, photos.origin);
     let near: Vec<Camera> = cameras.iter().map(to_file).collect();
     let mut teacher = Teacher::new(scene.scene.to_soup(), &near, options);
     drawn_beside(photos, share, max_bytes, |camera| teacher.picture(&to_file(camera)), drawn)

@@ -111,7 +111,7 @@ impl<'a> GaussianTeacher<'a> {
 
 /// True when `cameras` look at surroundings: the Gaussians cover nearly all of their pictures.
 fn shows_surroundings(splats: &Splats, options: &GaussianOptions, cameras: &[Camera]) -> bool {
-    let chosen = evenly_spaced(cameras.len(), LOOKS).map(|i| cameras[i].within(LOOK_SIDE));
+    let chosen = evenly_spaced(cameras.len(), LOOKS).map(|i| cameras[i].fit_within(LOOK_SIDE));
     let frames = chosen.map(|camera| gaussian::draw(splats, &camera, options));
     let (open, all) = frames.fold((0.0, 0), |(open, all), frame| {
         (open + frame.transmittance.iter().sum::<f32>(), all + frame.rgb.len())

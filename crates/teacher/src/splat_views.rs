@@ -321,7 +321,7 @@ mod tests {
         for camera in &cameras {
             assert!(camera.size.max_element() == 300, "{}", camera.size);
             for end in [Vec3::new(5.0, 0.05, -3.0), Vec3::new(5.0, 3.95, -3.0)] {
-                assert!(camera.frames(end), "{end} in the picture of {}", camera.position());
+                assert!(camera.is_in_frustum(end), "{end} in the picture of {}", camera.position());
             }
         }
         // From the side it is long and thin.

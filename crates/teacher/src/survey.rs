@@ -58,7 +58,7 @@ impl Survey {
         let camera = camera.resized(UVec2::splat(SIDE));
         let frame = self.soft.frame();
         let is_seen = |middle: &Vec3| {
-            let shown = camera.shows(*middle).filter(|(_, z)| *z > NEAR);
+            let shown = camera.project(*middle).filter(|(_, z)| *z > NEAR);
             shown.is_some_and(|(at, z)| {
                 let depth = frame.median_depth[at.y as usize * SIDE as usize + at.x as usize];
                 depth == 0.0 || z < depth * BEHIND

@@ -44,7 +44,7 @@ impl Quality {
     ) -> Result<Self> {
         let mut of = |code: u8| {
             let picture = draw([f32::from(code) / 255.0; 3])?;
-            Ok(Self::of(&picture, &photo.over_instead_of_black([code; 3])))
+            Ok(Self::of(&picture, &photo.recomposited([code; 3])))
         };
         let [black, white] = [of(0)?, of(255)?];
         Ok(Self { psnr: (black.psnr + white.psnr) / 2.0, ssim: (black.ssim + white.ssim) / 2.0 })

@@ -108,7 +108,7 @@ fn looked_at(photos: &[Grey], usual: f32) -> Vec<Seed> {
             let position = camera.rotation.transpose() * (seen - camera.translation);
             let point = 27 * own as u32 + i;
             let shows =
-                |photo: &usize| *photo == own || photos[*photo].camera.shows(position).is_some();
+                |photo: &usize| *photo == own || photos[*photo].camera.project(position).is_some();
             let shown = (0..photos.len()).filter(shows);
             seeds.extend(shown.map(|photo| Seed { photo: photo as u32, point, position }));
         }

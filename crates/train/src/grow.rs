@@ -101,7 +101,7 @@ impl Grey {
 
     /// Colour of a place, if it is within the picture.
     pub(crate) fn color(&self, place: Vec3) -> Option<Vec3> {
-        let (at, _) = self.camera.shows(place)?;
+        let (at, _) = self.camera.project(place)?;
         Some(Vec3::from(self.photo.rgb[self.index(at)].map(f32::from)) / 255.0)
     }
 
@@ -259,7 +259,7 @@ impl<'a> Growth<'a> {
     fn plant(&mut self, seeds: &[Seed]) {
         let camera = &self.own.camera;
         for seed in seeds {
-            let Some((at, depth)) = camera.shows(seed.position) else { continue };
+            let Some((at, depth)) = camera.project(seed.position) else { continue };
             let Some(cell) = self.cells.at(at) else { continue };
             let normal = -ray(camera, at).normalize();
             self.offer(cell, Plane { depth, normal, score: 0.0 });
@@ -476,7 +476,7 @@ fn agreed(
             // The same surface in other photos.
             let same = |other: usize| {
                 let camera = &photos[other].camera;
-                let (at, depth) = camera.shows(position)?;
+                let (at, depth) = camera.project(position)?;
                 let cell = cells[other].at(at)?;
                 let there = maps[other][cell as usize]?;
                 let found = there.depth_on(ray(camera, cells[other].middle(cell)), ray(camera, at));

@@ -127,7 +127,8 @@ impl KnownDepth {
         let mut numbers = vec![None; dataset.points.len()];
         let mut seeds = Vec::new();
         for (photo, (view, camera)) in dataset.train().zip(cameras).enumerate() {
-            let shown = |(_, point): &(usize, &Point)| view.camera.shows(point.position).is_some();
+            let shown =
+                |(_, point): &(usize, &Point)| view.camera.project(point.position).is_some();
             for (i, Point { position, rgb, .. }) in
                 dataset.tracked(view).filter(is_usable).filter(shown)
             {

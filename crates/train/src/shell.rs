@@ -213,7 +213,7 @@ fn colors(
 
 /// The colour of a photo at a place, if visible.
 fn pixel(camera: &Camera, photo: &RgbImage, place: Vec3) -> Option<[u8; 3]> {
-    let (at, _) = camera.shows(place)?;
+    let (at, _) = camera.project(place)?;
     Some(photo.rgb[(at.y as u32 * camera.size.x + at.x as u32) as usize])
 }
 

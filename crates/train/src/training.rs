@@ -246,7 +246,7 @@ impl<'a> Training<'a> {
         if self.photos.is_cut(index) && pixels.alpha.is_some() {
             // With only one background, triangles of its colour would pass for background.
             let behind = background(self.meta.options.seed, self.meta.step);
-            pixels = Arc::new(pixels.over_instead_of_black(behind));
+            pixels = Arc::new(pixels.recomposited(behind));
             rates.background = Some(behind.map(|c| f32::from(c) / 255.0));
         } else {
             let corrected;

@@ -380,7 +380,7 @@ mod tests {
         let mut kept = 0;
         let mut dropped = 0;
         for k in 0..4000 {
-            let camera = base.looking(vec(k * 100, 4.0), vec(k * 100 + 3, 4.0), Vec3::NEG_Y);
+            let camera = base.with_look_at(vec(k * 100, 4.0), vec(k * 100 + 3, 4.0), Vec3::NEG_Y);
             let frustum = Frustum::new(&camera, 0.1);
             let a = vec(k * 100 + 6, 6.0);
             let b = vec(k * 100 + 9, 1.0);

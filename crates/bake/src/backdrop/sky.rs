@@ -154,7 +154,7 @@ pub(super) fn panorama(mesh: &Mesh, center: Vec3, rows: u32) -> RgbImage {
             size: UVec2::splat(rows),
         };
         let up = if ahead.y == 0.0 { Vec3::Y } else { Vec3::Z };
-        lens.looking(center, center + ahead, up)
+        lens.with_look_at(center, center + ahead, up)
     });
     let sides = cameras.map(|camera| (camera, solid.render(mesh, &camera, &options)));
     around(UVec2::new(2 * rows, rows), |direction| {

@@ -150,7 +150,7 @@ fn seen(mesh: &Mesh, cameras: &[Camera], ball: Subject) -> Vec<f32> {
     let mut solid = SolidRasterizer::new();
     let options = SolidRasterOptions { near: NEAR * ball.radius, ..SolidRasterOptions::default() };
     for camera in cameras.iter().step_by(cameras.len().div_ceil(MAX_PICTURES).max(1)) {
-        let camera = camera.within(SIDE);
+        let camera = camera.fit_within(SIDE);
         let drawn = solid.visibility(mesh, &camera, &options);
         for (face, depth) in
             drawn.face.iter().zip(&drawn.depth).filter(|(face, _)| **face != NO_FACE)

@@ -70,7 +70,7 @@ impl<'a> Comparison<'a> {
             colors: parallel::collect(whole.face_count(), GRAIN, color),
             halvings: 0,
             drawing: views::drawing(cameras, whole, SAMPLES),
-            cameras: cameras.iter().map(|camera| camera.within(LONGEST_SIDE)).collect(),
+            cameras: cameras.iter().map(|camera| camera.fit_within(LONGEST_SIDE)).collect(),
             solid: SolidRasterizer::new(),
             targets: vec![None; cameras.len()],
         }
@@ -190,7 +190,7 @@ impl<'a> Comparison<'a> {
         let camera = self.cameras[view];
         let side =
             f64::from(camera.size.max_element()) * 0.5f64.powf(f64::from(self.halvings) / 2.0);
-        camera.within((side.round() as u32).max(SHORTEST_SIDE))
+        camera.fit_within((side.round() as u32).max(SHORTEST_SIDE))
     }
 
     /// Draws `scene` from the cameras of a round with a z-buffer per plane, and calls `on_sample`

@@ -298,7 +298,7 @@ mod tests {
         let camera = |i: usize| {
             let angle = i as f32 * 2.4;
             let eye = 5.0 * (x * angle.cos() + y * angle.sin()) + up * (1.0 + (i % 3) as f32);
-            let level = CAMERA.looking(eye, Vec3::ZERO, up);
+            let level = CAMERA.with_look_at(eye, Vec3::ZERO, up);
             let rotation = Mat3::from_rotation_z(roll(i)) * level.rotation;
             Camera { rotation, translation: -(rotation * eye), ..level }
         };
@@ -411,7 +411,7 @@ mod tests {
             let toward = eye(i) - Vec3::new(0.02 * (i % 5) as f32, 0.03 * (i % 3) as f32, 1.0);
             // Flown in every direction.
             let heading = Vec3::new((i as f32 * 0.8).cos(), (i as f32 * 0.8).sin(), 0.0);
-            CAMERA.looking(eye(i), toward, heading)
+            CAMERA.with_look_at(eye(i), toward, heading)
         };
         let cameras: Vec<Camera> = (0..16).map(down).collect();
         let found = estimate_of(&table(Vec3::Z, 6000), &cameras).expect("cameras");

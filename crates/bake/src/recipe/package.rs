@@ -16,7 +16,7 @@ use glam::DVec3;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Counts, Outcome, Report, StageProgress, generator};
-use trisplat_scene::{Asset, Placement, Provenance, Result, placed};
+use trisplat_scene::{Asset, Placement, Provenance, Result, frames};
 
 impl Recipe<'_> {
     /// The part of the recipe that prepares a mesh for a file. Levels are given the frame of their
@@ -85,7 +85,7 @@ impl Recipe<'_> {
         of_scene: Option<Frame>,
     ) -> Result<Asset> {
         let known = of_scene.and_then(|frame| frame.viewpoint);
-        let cameras = cameras.iter().map(|camera| placed::to_file(camera, placement, DVec3::ZERO));
+        let cameras = cameras.iter().map(|camera| frames::to_file(camera, placement, DVec3::ZERO));
         let cameras: Vec<Camera> = cameras.collect();
         self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
             Ok(match known {

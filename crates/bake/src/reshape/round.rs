@@ -70,7 +70,7 @@ impl<'v> Rounds<'v> {
         let chosen = effort.chosen(round, self.views.len());
         self.views.prefetch(&chosen);
         for view in chosen {
-            let camera = self.views.camera(view).within(effort.side);
+            let camera = self.views.camera(view).fit_within(effort.side);
             let picture = self.views.photo(view)?.shared_at(camera.size);
             let picture = &*picture;
             let colors = &colors[..];
@@ -229,7 +229,7 @@ impl Effort {
             ((PIXELS_PER_FACE * faces as f64).sqrt() as u32).clamp(SHORTEST_SIDE, LONGEST_SIDE);
         let faces = faces as u64;
         let views = cameras.len() as u64;
-        let pixels = |camera: &Camera| camera.within(side).size.as_u64vec2().element_product();
+        let pixels = |camera: &Camera| camera.fit_within(side).size.as_u64vec2().element_product();
         let pixels = (cameras.iter().map(pixels).sum::<u64>() / views.max(1)).max(1);
         // Every face twice, as it is and moved.
         let per_view = 2 * faces + pixels;

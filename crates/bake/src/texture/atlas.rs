@@ -344,7 +344,7 @@ pub(super) fn footprints(mesh: &Mesh, views: &Views) -> Vec<[f32; 3]> {
     let mut seen = vec![false; mesh.face_count()];
     for camera in views.cameras() {
         seen.fill(false);
-        let visible = solid.visibility(mesh, &camera.within(LONGEST), &drawing);
+        let visible = solid.visibility(mesh, &camera.fit_within(LONGEST), &drawing);
         visible
             .face
             .iter()

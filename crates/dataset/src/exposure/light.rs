@@ -116,7 +116,7 @@ pub fn points_of(dataset: &Dataset, view: &View) -> Vec<(u32, Vec2)> {
     let camera = &view.camera;
     let shown = dataset.tracked(view).filter(|(i, _)| !Dataset::judges_depth(*i));
     let place = |(i, point): (usize, &Point)| {
-        Some((i as u32, camera.shows(point.position)?.0 / camera.size.as_vec2()))
+        Some((i as u32, camera.project(point.position)?.0 / camera.size.as_vec2()))
     };
     shown.filter_map(place).collect()
 }

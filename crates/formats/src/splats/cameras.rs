@@ -196,7 +196,7 @@ fn explained(cameras: &[Camera], sample: &[(Vec3, f32)]) -> (f32, f32) {
         let cell_px = camera.size.as_vec2() / CELLS as f32;
         let unit_area = camera.focal.element_product() / cell_px.element_product();
         let shown = sample.iter().enumerate().filter_map(|(i, (position, area))| {
-            let (at, depth) = camera.shows(*position)?;
+            let (at, depth) = camera.project(*position)?;
             let cell = (at / cell_px).as_uvec2().min(UVec2::splat(CELLS - 1));
             Some((depth, i, (cell.y * CELLS + cell.x) as usize, area * unit_area / (depth * depth)))
         });

@@ -80,7 +80,8 @@ fn photographed(points: &[Vec3], cameras: &[Camera]) -> Option<Subject> {
         median(cameras.iter().map(|c| c.position().distance(focus)).collect(), f32::total_cmp)?;
     let near: Vec<Vec3> =
         points.iter().copied().filter(|p| p.distance(focus) <= WITHIN * away).collect();
-    let frames = |point: &Vec3| cameras.iter().filter(|camera| camera.frames(*point)).count();
+    let frames =
+        |point: &Vec3| cameras.iter().filter(|camera| camera.is_in_frustum(*point)).count();
     let counts: Vec<usize> = near.iter().map(frames).collect();
     let least = FRAMED * counts.iter().copied().max()? as f32;
     let subject =
@@ -205,7 +206,7 @@ impl Survey {
         for face in (0..self.of_subject.len()).filter(|face| self.of_subject[*face]) {
             all += 1;
             shown += usize::from(seen[face]);
-            framed += usize::from(camera.frames(self.mesh.centroid(face)));
+            framed += usize::from(camera.is_in_frustum(self.mesh.centroid(face)));
         }
         let of = |part: usize, whole: usize| part as f32 / whole.max(1) as f32;
         let pixels = drawn.face.len();
@@ -231,7 +232,7 @@ pub(super) fn orbit_range(viewpoint: &Viewpoint, cameras: &[Camera]) -> Option<O
     let target = DVec3::from(viewpoint.target);
     let here = viewpoint.direction(DVec3::from(viewpoint.eye) - target)?;
     let of_photo = |camera: &Camera| {
-        let shows = camera.frames(target.as_vec3());
+        let shows = camera.is_in_frustum(target.as_vec3());
         shows.then(|| viewpoint.direction(camera.position().as_dvec3() - target)).flatten()
     };
     let photos: Vec<[f64; 2]> = cameras.iter().filter_map(of_photo).collect();
@@ -284,7 +285,7 @@ mod tests {
         let target = Vec3::new(3.0, 1.0, -2.0);
         let eyes =
             [0.0f32, 1.3, 2.6, 3.9, 5.2].map(|a| target + 4.0 * Vec3::new(a.cos(), 0.4, a.sin()));
-        let cameras = eyes.map(|eye| LENS.looking(eye, target, Vec3::Y));
+        let cameras = eyes.map(|eye| LENS.with_look_at(eye, target, Vec3::Y));
         let points: Vec<Vec3> =
             cube(target, 0.5, 2000).chain(cube(target + 20.0, 15.0, 8000)).collect();
         let subject = Subject::of(&points, &cameras).expect("there is one");
@@ -318,7 +319,11 @@ mod tests {
         assert!(held > 1150 && subject.radius < 3.0, "{held} {subject:?}");
         // Nor do cameras that look at the body cut the neck off, if none of them stands in it.
         let camera = |(turn, distance): (f32, f32)| {
-            LENS.looking(distance * Vec3::new(turn.cos(), 0.2, turn.sin()), Vec3::ZERO, Vec3::Y)
+            LENS.with_look_at(
+                distance * Vec3::new(turn.cos(), 0.2, turn.sin()),
+                Vec3::ZERO,
+                Vec3::Y,
+            )
         };
         assert_eq!(
             Subject::of(&points, &[(0.5, 7.0), (2.0, 8.0), (4.0, 9.0)].map(camera)),
@@ -352,7 +357,7 @@ mod orbit_range_tests {
         let elevation = elevation.to_radians();
         let away =
             Vec3::new(turn.sin() * elevation.cos(), elevation.sin(), turn.cos() * elevation.cos());
-        LENS.looking(Vec3::Y + 3.0 * away, Vec3::Y, Vec3::Y)
+        LENS.with_look_at(Vec3::Y + 3.0 * away, Vec3::Y, Vec3::Y)
     }
 
     fn range(turns: &[f32]) -> Option<OrbitRange> {

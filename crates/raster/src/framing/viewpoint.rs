@@ -179,11 +179,11 @@ pub fn orbit(
     let place = |k: u32| {
         let (sin, cos) = (TAU * k as f32 / count as f32).sin_cos();
         let on_circle = target + up * height + (x * cos + y * sin) * start.length();
-        let away = lens.looking(on_circle, target, up).position() - target;
+        let away = lens.with_look_at(on_circle, target, up).position() - target;
         let way = away.normalize_or(up.any_orthonormal_vector());
         let eye = target + way * away.length().min(ROOM * room(way));
         let held = Viewpoint { eye: eye.as_dvec3().to_array(), ..*viewpoint };
-        camera_holding(&held, size).looking(eye, target, up)
+        camera_holding(&held, size).with_look_at(eye, target, up)
     };
     (0..count).map(place).collect()
 }
@@ -218,13 +218,13 @@ fn of_photos(cameras: &[Camera], subject: Subject, up: Vec3) -> Vec<Candidate> {
     let level = |photo: usize| {
         let camera = &cameras[photo];
         let eye = camera.position();
-        let target = if camera.frames(subject.center) {
+        let target = if camera.is_in_frustum(subject.center) {
             subject.center
         } else {
             eye + camera.rotation.row(2)
         };
         let camera = Camera { center: camera.size.as_vec2() / 2.0, ..*camera };
-        Candidate { camera: camera.looking(eye, target, up), photo: Some(photo) }
+        Candidate { camera: camera.with_look_at(eye, target, up), photo: Some(photo) }
     };
     (0..cameras.len()).step_by(step).map(level).collect()
 }
@@ -312,18 +312,21 @@ mod tests {
     fn one_triangle_is_seen() {
         let chosen = of(&[[Vec3::ZERO, Vec3::X, Vec3::Y]], &[]);
         let camera = chosen.viewpoint.camera(UVec2::new(120, 120));
-        assert!(camera.frames(Vec3::new(0.4, 0.4, 0.0)) && chosen.filled > 0.1, "{chosen:?}");
+        assert!(
+            camera.is_in_frustum(Vec3::new(0.4, 0.4, 0.0)) && chosen.filled > 0.1,
+            "{chosen:?}"
+        );
     }
 
     #[test]
     fn the_first_view_is_the_photo_that_shows_the_subject_best() {
         let away = |angle: f32, distance: f32, height: f32| {
             let eye = Vec3::new(distance * angle.cos(), height, distance * angle.sin());
-            LENS.looking(eye, Vec3::ZERO, Vec3::Y)
+            LENS.with_look_at(eye, Vec3::ZERO, Vec3::Y)
         };
         // Past it, from far away, tilted by a quarter turn, from right above, and last the best.
-        let past = LENS.looking(Vec3::new(3.0, 1.0, 0.0), Vec3::new(2.0, 0.5, 4.0), Vec3::Y);
-        let tilted = LENS.looking(Vec3::new(0.0, 0.2, 9.0), Vec3::ZERO, Vec3::X);
+        let past = LENS.with_look_at(Vec3::new(3.0, 1.0, 0.0), Vec3::new(2.0, 0.5, 4.0), Vec3::Y);
+        let tilted = LENS.with_look_at(Vec3::new(0.0, 0.2, 9.0), Vec3::ZERO, Vec3::X);
         let cameras =
             [past, away(1.0, 14.0, 4.0), tilted, away(2.0, 0.3, 4.0), away(3.0, 3.3, 1.2)];
         let chosen = of(&ball(), &cameras);
@@ -341,7 +344,7 @@ mod tests {
         let wall = |x: f32, y: f32| Vec3::new(0.3 * x, 0.3 * y, 3.0);
         triangles.extend([[wall(-9.0, -9.0), wall(9.0, -9.0), wall(0.0, 9.0)]; 3]);
         let eyes = [Vec3::new(0.0, 0.8, 3.4), Vec3::new(3.4, 0.8, 0.0), Vec3::new(0.1, 0.8, 3.4)];
-        let cameras = eyes.map(|eye| LENS.looking(eye, Vec3::ZERO, Vec3::Y));
+        let cameras = eyes.map(|eye| LENS.with_look_at(eye, Vec3::ZERO, Vec3::Y));
         assert_eq!(of(&triangles, &cameras).photo, Some(1));
     }
 
@@ -353,7 +356,7 @@ mod tests {
         let sine = (eye[1] - target[1]) / f64::from(chosen.viewpoint.distance());
         assert!((0.05..0.7).contains(&sine), "{chosen:?}");
         let camera = chosen.viewpoint.camera(UVec2::new(400, 300));
-        assert!(ball().iter().flatten().all(|p| camera.frames(*p)), "{chosen:?}");
+        assert!(ball().iter().flatten().all(|p| camera.is_in_frustum(*p)), "{chosen:?}");
         assert!(chosen.filled > 0.2, "{chosen:?}");
     }
 
@@ -362,7 +365,7 @@ mod tests {
         let chosen = of(&ball(), &[]);
         for size in [UVec2::new(390, 844), UVec2::new(844, 390), UVec2::new(400, 300)] {
             let camera = camera_holding(&chosen.viewpoint, size);
-            assert!(ball().iter().flatten().all(|p| camera.frames(*p)), "{size}");
+            assert!(ball().iter().flatten().all(|p| camera.is_in_frustum(*p)), "{size}");
         }
     }
 
@@ -402,7 +405,7 @@ mod candidates_tests {
                     (camera.rotation * Vec3::Y).y < 0.0
                         && (camera.rotation * Vec3::Y).x.abs() < 1e-5
                 );
-                assert!(camera.frames(subject.center + Vec3::Y * 1.5));
+                assert!(camera.is_in_frustum(subject.center + Vec3::Y * 1.5));
             }
             let [a, b] = [0, AROUND / 2].map(|i| ring[i].camera.position());
             assert!(a.distance(b) > 2.0, "all around");
@@ -469,7 +472,7 @@ mod orbit_tests {
             for camera in orbit(&viewpoint, Vec3::Y, &|_| room, size, 9) {
                 assert!(camera.position().distance(target) <= 0.91 * room);
                 for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
-                    let inside = |p: Vec3| camera.frames(p);
+                    let inside = |p: Vec3| camera.is_in_frustum(p);
                     assert!(
                         inside(target + 0.7 * radius * axis)
                             && inside(target - 0.7 * radius * axis),

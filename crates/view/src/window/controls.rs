@@ -4,7 +4,7 @@ use glam::{DVec3, Mat3, Quat, UVec2, Vec2, Vec3};
 use std::collections::HashSet;
 use std::f32::consts::FRAC_PI_2;
 use trisplat_scene::camera::{Camera, OrbitRange, Viewpoint};
-use trisplat_scene::{Placement, placed};
+use trisplat_scene::{Placement, frames};
 use winit::keyboard::KeyCode;
 
 /// A drag across the whole height of the window turns the camera by this, rad.
@@ -107,7 +107,7 @@ impl CameraControls {
         let translation = -(self.rotation * self.position);
         let camera = Camera { rotation: self.rotation, translation, ..self.intrinsics };
         let origin = DVec3::from(from.center);
-        let camera = placed::to_file(&placed::to_world(&camera, from, origin), to, origin);
+        let camera = frames::to_file(&frames::to_world(&camera, from, origin), to, origin);
         self.rotation = camera.rotation;
         self.position = camera.position();
         let scale = (to.scale / from.scale) as f32;
@@ -294,7 +294,7 @@ mod tests {
             assert!(controls.pivot().distance(target) < 1e-4);
             let camera = controls.camera(SIZE, PANE);
             for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
-                assert!(camera.frames(target + 0.7 * radius * axis), "{room}");
+                assert!(camera.is_in_frustum(target + 0.7 * radius * axis), "{room}");
             }
         }
     }
