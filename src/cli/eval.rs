@@ -22,20 +22,20 @@ pub struct EvalArgs {
     #[command(flatten)]
     pub job: EvalJob,
     /// Folder of posed photos, or a transforms.json.
-    #[arg(value_name = "DATASET")]
+    #[arg(value_name = "DATASET", help_heading = None::<&'static str>)]
     pub dataset: PathBuf,
     /// Write the drawings into this folder, as PNG files named like the photos. If a soup is drawn
     /// at every step, they go into its folders soft, solid and file.
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = None::<&'static str>)]
     pub save_renders: Option<PathBuf>,
     /// Write all scores as JSON (schema: trisplat schema eval).
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = None::<&'static str>)]
     pub report: Option<PathBuf>,
     /// Print all scores as JSON instead of a table.
-    #[arg(long)]
+    #[arg(long, help_heading = None::<&'static str>)]
     pub json: bool,
     /// Replace files that are there.
-    #[arg(short, long)]
+    #[arg(short, long, help_heading = None::<&'static str>)]
     pub force: bool,
 }
 

@@ -91,8 +91,8 @@ pub struct Global {
     /// Print every figure of every stage.
     #[arg(short, long, global = true)]
     pub verbose: bool,
-    /// Worker threads, at most four per core; 0 = one per core. The output is the same bytes for
-    /// any number.
+    /// Worker threads, at most four per core; 0 = one per core. Any number gives the same bytes,
+    /// except with a budget of time.
     #[arg(long, global = true, default_value_t = 0, value_name = "N", hide_short_help = true)]
     pub threads: u16,
     /// Raise or lower a limit on inputs, as in triangles=100000000; may be given often. The keys:

@@ -15,6 +15,7 @@ use std::process::ExitCode;
 use trisplat_bake::BakeOptions;
 use trisplat_dataset::capture::CaptureOptions;
 use trisplat_dataset::{DatasetOptions, ShrunkSize};
+use trisplat_formats::output::OutputFormat;
 use trisplat_job::{Event, MakeDone, MakeJob, MakePart};
 use trisplat_scene::math::lists::median;
 use trisplat_scene::report::counted;
@@ -132,6 +133,10 @@ pub fn run(
 fn guard(args: &MakeArgs, inputs: &Inputs, page: &Path, job: &MakeJob) -> Result<()> {
     if args.output.as_os_str() == "-" || args.output.extension().is_some_and(|e| e == "html") {
         let wants = "a file for an engine, as in scene.glb; the page is written beside it";
+        return Err(Error::invalid("output", args.output.display(), wants));
+    }
+    if OutputFormat::of(&args.output).is_err() {
+        let wants = "a name ending in .glb, .gltf, .obj, .ply, .usdz or .tileset.json";
         return Err(Error::invalid("output", args.output.display(), wants));
     }
     if page.extension().is_none_or(|e| e != "html") {

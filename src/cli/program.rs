@@ -18,7 +18,7 @@ use trisplat_formats::ReadOptions;
 use trisplat_scene::input::{is_guarded, text};
 use trisplat_scene::{Error, Limits, Result};
 
-/// Turns posed photographs into triangle scenes a game engine draws as they are.
+/// Turns photographs and Gaussian splats into triangle scenes a game engine draws as they are.
 #[derive(Debug, Parser)]
 #[command(name = "trisplat", version = &*version().leak(), max_term_width = 100, arg_required_else_help = true)]
 pub struct Cli {
@@ -38,7 +38,7 @@ pub enum Command {
     Make(Box<make::MakeArgs>),
     /// Make a data set from photos or a video: finds the camera poses.
     Capture(capture::CaptureArgs),
-    /// Turn a trained soup or a coloured mesh into a file an engine draws.
+    /// Turn a trained soup, Gaussian splats or a coloured mesh into a file an engine draws.
     Bake(Box<bake::BakeArgs>),
     /// Make one connected surface of a scene, to walk on and to collide with.
     Mesh(Box<mesh::MeshArgs>),
@@ -66,7 +66,7 @@ pub enum Command {
     Schema(schema::SchemaArgs),
     /// Print a completion script for a shell.
     Completions(schema::CompletionsArgs),
-    /// Write manual pages.
+    /// Write manual pages, and replace older ones.
     Man(schema::ManArgs),
 }
 

@@ -141,7 +141,7 @@ const SHOWN: &[(&str, &str)] = &[
     ),
     (
         "bake",
-        "output force target preset dataset harden max_triangles max_bytes texture collision lod crop up scale_by config sets",
+        "output force target preset dataset harden max_triangles max_bytes texture collision backdrop lod crop up scale_by config sets",
     ),
     ("mesh", "output force resolution max_triangles texture crop up scale_by sets max_size masks"),
     (
@@ -156,6 +156,52 @@ const SHOWN: &[(&str, &str)] = &[
     ("info", "json max_size masks"),
 ];
 
+/// Two commands as one would type them, which end the help of a command.
+const EXAMPLES: &[(&str, [&str; 2])] = &[
+    (
+        "make",
+        ["trisplat make photos -o scene.glb", "trisplat make walk.mp4 -o scene.glb --budget 20m"],
+    ),
+    (
+        "capture",
+        ["trisplat capture photos -o set", "trisplat capture walk.mp4 -o set --frames 200"],
+    ),
+    (
+        "bake",
+        [
+            "trisplat bake scene.ply --dataset photos -o scene.glb --target godot",
+            "trisplat bake splats.ply -o scene.glb",
+        ],
+    ),
+    (
+        "mesh",
+        [
+            "trisplat mesh scene.ply photos -o surface.glb",
+            "trisplat mesh photos --texture --max-triangles 4000 --crop subject -o object.glb",
+        ],
+    ),
+    (
+        "train",
+        ["trisplat train photos -o scene.ply", "trisplat train photos -o scene.ply --budget 2m"],
+    ),
+    (
+        "eval",
+        [
+            "trisplat eval scene.glb photos",
+            "trisplat eval scene.glb photos --save-renders drawings",
+        ],
+    ),
+    (
+        "render",
+        [
+            "trisplat render scene.glb --dataset photos -o pictures",
+            "trisplat render scene.glb --orbit 12 -o pictures",
+        ],
+    ),
+    ("info", ["trisplat info scene.glb", "trisplat info photos"]),
+    ("validate", ["trisplat validate scene.glb", "trisplat validate scene.glb --json"]),
+];
+
 /// Longest help of a flag that `-h` shows whole, characters.
 const WHOLE: usize = 90;
 /// A clause ends no earlier than after this many bytes.
@@ -163,6 +209,10 @@ const CLAUSE: usize = 24;
 
 /// `program` with a `-h` of one screen for each command.
 pub(super) fn shorten(program: Command) -> Command {
+    let program = EXAMPLES.iter().fold(program, |program, (name, [first, second])| {
+        let text = format!("Examples:\n  {first}\n  {second}");
+        program.mut_subcommand(name, |command| command.after_help(text))
+    });
     SHOWN.iter().fold(program, |program, (name, fields)| {
         let shown =
             |arg: &Arg| arg.is_positional() || fields.split(' ').any(|field| arg.get_id() == field);

@@ -133,6 +133,10 @@ pub struct TrainArgs {
     /// Watch the scene in a window while it trains, baked as it is or soft. Closing the window does
     /// not end the training.
     #[arg(long, conflicts_with = "block")]
+    #[cfg_attr(
+        not(feature = "view"),
+        arg(help = "Watch the scene in a window while it trains (not in this build)")
+    )]
     pub view: bool,
     /// Stop like Ctrl-C after this many CPU seconds; 0: never.
     #[arg(long, value_name = "SECS", default_value_t = 0.0, value_parser = seconds)]

@@ -43,7 +43,7 @@ pub struct SurfaceOptions {
     #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.min_component, value_name = "N"))]
     #[schemars(range(max = 1_000_000_000))]
     pub min_component: u32,
-    /// Simplify to at most this many triangles
+    /// Simplify to about this many triangles; below a thousand, more may be left
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
     #[schemars(range(min = 1, max = 1_000_000_000))]
     pub max_triangles: Option<u32>,

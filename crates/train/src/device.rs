@@ -26,6 +26,10 @@ pub enum BackendKind {
 pub struct BackendOptions {
     /// The device that trains and draws soft triangles.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
+    #[cfg_attr(
+        all(feature = "cli", not(feature = "gpu")),
+        arg(help = "The device that trains and draws soft triangles; `gpu` is not in this build")
+    )]
     pub backend: BackendKind,
     /// Which graphics card.
     #[cfg(feature = "gpu")]
