@@ -23,7 +23,7 @@ use trisplat_scene::atomic::AtomicFile;
 use trisplat_scene::report::counted;
 use trisplat_scene::{Error, ImportedScene, Result};
 use trisplat_train::{
-    BackendOptions, PREVIEW, Preview, RunOptions, TrainOptions, TrainRun, checkpoint,
+    BackendOptions, PREVIEW_PREFIX, Preview, TrainInputs, TrainOptions, TrainOutputs, checkpoint,
 };
 
 /// What to plan.
@@ -178,15 +178,15 @@ fn train_coarse(
     global: &Global,
 ) -> Result<Option<PathBuf>> {
     let point = path.with_extension("checkpoint");
-    let outputs = RunOptions {
+    let outputs = TrainOutputs {
         checkpoint: Some(point.clone()),
         checkpoint_every: args.checkpoint_every,
-        ..RunOptions::default()
+        ..TrainOutputs::default()
     };
     let resume = point.is_file().then(|| checkpoint::read(&point)).transpose()?;
-    let run = TrainRun::new(dataset, options).with_dataset_options(&args.dataset_options);
-    let run = TrainRun { outputs, resume, until_step: Some(*until), ..run };
-    let run = run.start_at(&args.backend_options)?;
+    let run = TrainInputs::new(dataset, options).with_dataset_options(&args.dataset_options);
+    let run = TrainInputs { outputs, resume, until_step: Some(*until), ..run };
+    let run = run.start_on(&args.backend_options)?;
     let mut bar = Bar::new(global, *until, run.steps(), None, run.curve())?;
     bar.line("training the coarse scene");
     bar.begun(run.card.as_deref(), &run.warnings);
@@ -295,10 +295,10 @@ pub(super) fn train_block(
     let preview = args
         .preview
         .clone()
-        .map(|folder| Preview { folder, pause: Duration::from_secs_f64(args.preview_every) });
+        .map(|folder| Preview { folder, interval: Duration::from_secs_f64(args.preview_every) });
     let outputs = task.outputs(args.checkpoint_every, preview, args.max_cpu_secs);
     let (run, broken) = task.run(&dataset, outputs)?;
-    let run = run.start_at(&args.backend_options)?;
+    let run = run.start_on(&args.backend_options)?;
     let mut bar =
         Bar::new(global, task.block().steps, run.steps(), args.log.as_deref(), run.curve())?;
     bar.begun(run.card.as_deref(), broken.iter().chain(&run.warnings).chain(&dataset.warnings));
@@ -335,6 +335,6 @@ fn guard_block<'a>(
     args.log.as_deref().map_or(Ok(()), |path| files.probe("--log", path))?;
     args.preview
         .as_deref()
-        .map_or(Ok(()), |folder| files.plan_pictures("--preview", folder, PREVIEW))?;
+        .map_or(Ok(()), |folder| files.plan_pictures("--preview", folder, PREVIEW_PREFIX))?;
     Ok(files)
 }

@@ -24,8 +24,8 @@ use trisplat_scene::{Error, ImportedScene, Result};
 use trisplat_teacher as teacher;
 use trisplat_train::budget::{Budget, BudgetDetails, Seconds};
 use trisplat_train::{
-    Checkpoint, ExposureDetails, PREVIEW, Preview, Quality, RunOptions, TrainEvent, TrainOptions,
-    TrainSample, Trained, checkpoint,
+    Checkpoint, ExposureDetails, PREVIEW_PREFIX, Preview, Quality, TrainEvent, TrainOptions,
+    TrainOutputs, TrainSample, Trained, checkpoint,
 };
 
 /// Trains, with an optional observer; `matches` holds the typed flags. Returns the exit code of a
@@ -302,23 +302,23 @@ fn draw(
 }
 
 /// What the run leaves behind.
-fn outputs(args: &TrainArgs) -> RunOptions {
+fn outputs(args: &TrainArgs) -> TrainOutputs {
     let checkpoint =
         args.checkpoint.clone().unwrap_or_else(|| args.output.with_extension("checkpoint"));
-    let pause = Duration::from_secs_f64(args.preview_every);
-    RunOptions {
+    let interval = Duration::from_secs_f64(args.preview_every);
+    TrainOutputs {
         checkpoint: Some(checkpoint),
         keep: args.keep,
         checkpoint_every: args.checkpoint_every,
         sample_every: args.log_every,
         evaluate_every: args.eval_every,
-        preview: args.preview.clone().map(|folder| Preview { folder, pause }),
+        preview: args.preview.clone().map(|folder| Preview { folder, interval }),
         max_cpu_secs: args.max_cpu_secs,
     }
 }
 
 /// Refuses outputs that would fail, or replace a file, only after the training.
-fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &RunOptions) -> Result<Outputs<'a>> {
+fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &TrainOutputs) -> Result<Outputs<'a>> {
     let out = &args.output;
     train_args::check_ply(out)?;
     // A default one is claimed when the photos are counted.
@@ -350,7 +350,7 @@ fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &RunOptions) -> Resu
     args.log.as_deref().map_or(Ok(()), |path| files.probe("--log", path))?;
     args.preview
         .as_deref()
-        .map_or(Ok(()), |folder| files.plan_pictures("--preview", folder, PREVIEW))?;
+        .map_or(Ok(()), |folder| files.plan_pictures("--preview", folder, PREVIEW_PREFIX))?;
     Ok(files)
 }
 

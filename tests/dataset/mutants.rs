@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use trisplat::{Dataset, DatasetOptions, Limits};
 use trisplat_scene::{Error, image::RgbImage};
 use trisplat_synthetic::SyntheticOptions;
-use trisplat_train::{RunOptions, TrainOptions, TrainRun, checkpoint};
+use trisplat_train::{TrainInputs, TrainOptions, TrainOutputs, checkpoint};
 
 /// A refusal names its file and is one line of a readable length.
 fn check_refusal(error: &Error, folder: &Path) {
@@ -214,12 +214,17 @@ fn mutants_of_checkpoints_are_survived() {
     let dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
     let options = TrainOptions { steps: 4, max_triangles: 20, ..TrainOptions::default() };
     let path = folder.path().join("scene.checkpoint");
-    let outputs =
-        RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 2, ..RunOptions::default() };
-    TrainRun { outputs, ..TrainRun::new(&dataset, &options) }.run(&mut |_| Continue(())).unwrap();
+    let outputs = TrainOutputs {
+        checkpoint: Some(path.clone()),
+        checkpoint_every: 2,
+        ..TrainOutputs::default()
+    };
+    TrainInputs { outputs, ..TrainInputs::new(&dataset, &options) }
+        .run(&mut |_| Continue(()))
+        .unwrap();
     mutate_file(&path, 500, || match checkpoint::read(&path) {
         Ok(point) => {
-            if let Err(error) = TrainRun::from_checkpoint(&dataset, point).start().map(drop) {
+            if let Err(error) = TrainInputs::from_checkpoint(&dataset, point).start().map(drop) {
                 assert!(error.to_string().len() < 1500, "{error}");
             }
         }

@@ -6,7 +6,7 @@ use std::path::Path;
 use trisplat::{Dataset, DatasetOptions, ImportedScene, Soup, TrainOptions, train};
 use trisplat_scene::SceneNormalization;
 use trisplat_synthetic::SyntheticOptions;
-use trisplat_train::{Core, Part, RunOptions, TrainPreset, TrainRun, checkpoint};
+use trisplat_train::{Core, TrainInputs, TrainOutputs, TrainPreset, TrainedPart, checkpoint};
 
 fn photos(folder: &Path) -> Dataset {
     let options =
@@ -49,9 +49,9 @@ fn a_part_that_is_everything_is_a_plain_run() {
     let dataset = photos(folder.path());
     let from = Some(soft(&dataset));
     let options = options(TrainPreset::Solid);
-    let plain = TrainRun { from, ..TrainRun::new(&dataset, &options) };
-    let part = Some(Part { space: space(&dataset), frozen: 0, core: None, first_step: 0 });
-    let whole = TrainRun { part, ..plain.clone() };
+    let plain = TrainInputs { from, ..TrainInputs::new(&dataset, &options) };
+    let part = Some(TrainedPart { space: space(&dataset), frozen: 0, core: None, first_step: 0 });
+    let whole = TrainInputs { part, ..plain.clone() };
     assert_eq!(
         plain.run(&mut |_| Continue(())).unwrap().soup,
         whole.run(&mut |_| Continue(())).unwrap().soup
@@ -66,20 +66,20 @@ fn frozen_triangles_stay_as_they_are_and_count_for_nothing() {
     let frozen = 150;
     for preset in [TrainPreset::Outdoor, TrainPreset::Solid] {
         let checkpoint_at = folder.path().join("a.checkpoint");
-        let outputs = RunOptions {
+        let outputs = TrainOutputs {
             checkpoint: Some(checkpoint_at.clone()),
             checkpoint_every: 30,
-            ..RunOptions::default()
+            ..TrainOutputs::default()
         };
         // No more than there are: none of them is the budget of others.
         let own = soup(&from).len() - frozen;
         let options = TrainOptions { max_triangles: own as u64, ..options(preset) };
-        let part = Some(Part { space: space(&dataset), frozen, core: None, first_step: 0 });
-        let run = TrainRun {
+        let part = Some(TrainedPart { space: space(&dataset), frozen, core: None, first_step: 0 });
+        let run = TrainInputs {
             from: Some(from.clone()),
             part,
             outputs,
-            ..TrainRun::new(&dataset, &options)
+            ..TrainInputs::new(&dataset, &options)
         };
         let trained = run.run(&mut |_| Continue(())).unwrap();
         assert!((1..=own).contains(&trained.soup.len()), "{} of {own}", trained.soup.len());
@@ -99,7 +99,7 @@ fn frozen_triangles_stay_as_they_are_and_count_for_nothing() {
         }
         // A run that goes on has the same part.
         let resumed =
-            TrainRun::from_checkpoint(&dataset, checkpoint::read(&checkpoint_at).unwrap());
+            TrainInputs::from_checkpoint(&dataset, checkpoint::read(&checkpoint_at).unwrap());
         assert_eq!(resumed.run(&mut |_| Continue(())).unwrap().soup, trained.soup);
     }
 }
@@ -119,8 +119,9 @@ fn a_core_is_filled_up_to_its_budget_and_no_further() {
     let high = [Some(space.to_training(Vec3::splat(place)).x), None, None];
     let core = Some(Core { low: [None; 3], high, triangles: budget as u64 });
     let options = TrainOptions { max_triangles: 5000, ..options(TrainPreset::Outdoor) };
-    let part = Some(Part { space, frozen: 0, core, first_step: 0 });
-    let run = TrainRun { from: Some(from.clone()), part, ..TrainRun::new(&dataset, &options) };
+    let part = Some(TrainedPart { space, frozen: 0, core, first_step: 0 });
+    let run =
+        TrainInputs { from: Some(from.clone()), part, ..TrainInputs::new(&dataset, &options) };
     let trained = run.run(&mut |_| Continue(())).unwrap().soup;
     let held = trained.vertices.iter().filter(|v| in_core(v)).count();
     // Triangles cross the border as they move, and some are pruned at the end.
@@ -138,14 +139,14 @@ fn a_run_that_goes_on_begins_with_what_it_was_given() {
     let dataset = photos(folder.path());
     let options =
         TrainOptions { steps: 600, max_triangles: 400, ..TrainOptions::preset(TrainPreset::Solid) };
-    let whole = TrainRun::new(&dataset, &options);
-    let first: ImportedScene = TrainRun { until_step: Some(240), ..whole.clone() }
+    let whole = TrainInputs::new(&dataset, &options);
+    let first: ImportedScene = TrainInputs { until_step: Some(240), ..whole.clone() }
         .run(&mut |_| Continue(()))
         .unwrap()
         .into();
     assert!(soup(&first).sigma.iter().all(|sigma| *sigma < 0.5), "its anneal has come some way");
-    let part = Some(Part { space: space(&dataset), frozen: 0, core: None, first_step: 240 });
-    let rest = TrainRun { from: Some(first.clone()), part, until_step: Some(241), ..whole };
+    let part = Some(TrainedPart { space: space(&dataset), frozen: 0, core: None, first_step: 240 });
+    let rest = TrainInputs { from: Some(first.clone()), part, until_step: Some(241), ..whole };
     let rest = rest.run(&mut |_| Continue(())).unwrap();
     assert_eq!((rest.steps, rest.soup.len()), (241, soup(&first).len()));
     // One step further on nothing looks much different.

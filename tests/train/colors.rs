@@ -3,13 +3,14 @@
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat_scene::{camera::Camera, image::RgbImage, rgb_from_sh0, sh0_from_rgb};
 use trisplat_train::{
-    CpuBackend, Params, Schedule, StepPhoto, TrainBackend, TrainOptions, TrainPreset, TrainState,
+    CpuBackend, OptimizerState, Params, Schedule, StepPhoto, TrainBackend, TrainOptions,
+    TrainPreset,
 };
 
 const SIZE: UVec2 = UVec2::new(24, 16);
 
 /// One triangle that fills the picture and changes its colour alone.
-fn wall(rgb: [f32; 3]) -> TrainState {
+fn wall(rgb: [f32; 3]) -> OptimizerState {
     let params = Params {
         vertices: vec![[
             Vec3::new(-9.0, -5.0, 0.0),
@@ -21,7 +22,7 @@ fn wall(rgb: [f32; 3]) -> TrainState {
         sh: vec![rgb.map(sh0_from_rgb)],
         sh_degree: 0,
     };
-    TrainState { pinned: 1, ..TrainState::new(params) }
+    OptimizerState { pinned: 1, ..OptimizerState::new(params) }
 }
 
 /// The wall's colour after training on a grey photo, encoded or in linear light.

@@ -6,7 +6,7 @@ use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use trisplat_dataset::exposure::{ExposureUse, Strengths};
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_train::{RunOptions, TrainOptions, TrainPreset, TrainRun, checkpoint};
+use trisplat_train::{TrainInputs, TrainOptions, TrainOutputs, TrainPreset, checkpoint};
 
 fn options(steps: u64) -> TrainOptions {
     let solid = TrainOptions::preset(TrainPreset::Solid);
@@ -24,15 +24,15 @@ fn what_a_phone_did_is_found_again_and_a_run_that_goes_on_finds_the_same() {
     let truth = phone_sample(folder.path());
     let dataset = load(folder.path());
     let path = folder.path().join("a.checkpoint");
-    let outputs = RunOptions {
+    let outputs = TrainOutputs {
         checkpoint: Some(path.clone()),
         checkpoint_every: 300,
-        ..RunOptions::default()
+        ..TrainOutputs::default()
     };
     let all = options(600);
-    let half = TrainRun { outputs, until_step: Some(300), ..TrainRun::new(&dataset, &all) };
+    let half = TrainInputs { outputs, until_step: Some(300), ..TrainInputs::new(&dataset, &all) };
     half.run(&mut |_| Continue(())).unwrap();
-    let trained = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap())
+    let trained = TrainInputs::from_checkpoint(&dataset, checkpoint::read(&path).unwrap())
         .run(&mut |_| Continue(()))
         .unwrap();
     let details = trained.exposure.clone().expect("photos were asked");

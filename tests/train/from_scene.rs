@@ -10,7 +10,7 @@ use trisplat_bake::{Bake, TeacherOptions};
 use trisplat_scene::{Placement, UpAxis, frames};
 use trisplat_synthetic::SyntheticOptions;
 use trisplat_teacher as teacher;
-use trisplat_train::{RunOptions, TrainRun, checkpoint};
+use trisplat_train::{TrainInputs, TrainOutputs, checkpoint};
 
 const PHOTO_BYTES: u64 = 1 << 26;
 
@@ -54,7 +54,7 @@ fn taught(scene: &ImportedScene, options: &TrainOptions) -> Dataset {
 /// PSNR on the held-out pictures of `dataset` of a soup as an engine draws it.
 fn solid_psnr(soup: &Soup, dataset: &Dataset) -> f64 {
     let none = TrainOptions { steps: 1, ..hardening(1) };
-    let run = TrainRun { from: Some(soup.clone().into()), ..TrainRun::new(dataset, &none) };
+    let run = TrainInputs { from: Some(soup.clone().into()), ..TrainInputs::new(dataset, &none) };
     run.run(&mut |_| Continue(())).unwrap().quality().unwrap().psnr
 }
 
@@ -73,7 +73,8 @@ fn a_soft_scene_hardened_by_photos_is_solid_and_better_than_its_plain_bake() {
     let no_teacher = BakeOptions { teacher: TeacherOptions::OFF, ..BakeOptions::default() };
     let plain = Bake::new(&no_teacher).run([soft.clone()]).unwrap();
     let options = hardening(400);
-    let run = TrainRun { from: Some(soft.clone().into()), ..TrainRun::new(&dataset, &options) };
+    let run =
+        TrainInputs { from: Some(soft.clone().into()), ..TrainInputs::new(&dataset, &options) };
     let hardened = run.run(&mut |_| Continue(())).unwrap();
     assert_solid(&hardened.soup);
     assert_eq!(hardened.cameras, soft.cameras);
@@ -82,7 +83,7 @@ fn a_soft_scene_hardened_by_photos_is_solid_and_better_than_its_plain_bake() {
         provenance: plain.provenance.clone(),
         ..ImportedScene::from(Scene::Mesh(plain.mesh))
     };
-    let run = TrainRun { from: Some(baked), ..TrainRun::new(&dataset, &hardening(1)) };
+    let run = TrainInputs { from: Some(baked), ..TrainInputs::new(&dataset, &hardening(1)) };
     let plain = run.run(&mut |_| Continue(())).unwrap().quality().unwrap().psnr;
     let hardened = hardened.quality().unwrap().psnr;
     // Measured 13.8 and 12.2 dB in these few steps.
@@ -96,7 +97,7 @@ fn a_soft_scene_teaches_itself_without_photos() {
     let options = hardening(400);
     let pictures = taught(&soft, &options);
     assert!(pictures.views.len() > soft.cameras.len() && pictures.test().count() > 2);
-    let run = TrainRun { from: Some(soft.clone()), ..TrainRun::new(&pictures, &options) };
+    let run = TrainInputs { from: Some(soft.clone()), ..TrainInputs::new(&pictures, &options) };
     let hardened = run.run(&mut |_| Continue(())).unwrap();
     assert_solid(&hardened.soup);
     // It still says where it came from and which cameras took its photos.
@@ -116,16 +117,17 @@ fn a_resumed_hardening_is_the_straight_one_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let soft: ImportedScene = soft_scene(&photos(folder.path())).into();
     let options = hardening(120);
-    let run = |dataset| TrainRun { from: Some(soft.clone()), ..TrainRun::new(dataset, &options) };
+    let run =
+        |dataset| TrainInputs { from: Some(soft.clone()), ..TrainInputs::new(dataset, &options) };
     let pictures = taught(&soft, &options);
     let straight = run(&pictures).run(&mut |_| Continue(())).unwrap();
     let path = folder.path().join("a.checkpoint");
-    let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
-    TrainRun { outputs, ..run(&pictures) }.run(&mut stop_at(61)).unwrap();
+    let outputs = TrainOutputs { checkpoint: Some(path.clone()), ..TrainOutputs::default() };
+    TrainInputs { outputs, ..run(&pictures) }.run(&mut stop_at(61)).unwrap();
     // As the command line does it: the pictures are drawn again.
     let again = taught(&soft, &options);
     let resume = Some(checkpoint::read(&path).unwrap());
-    let resumed = TrainRun { resume, ..run(&again) }.run(&mut |_| Continue(())).unwrap();
+    let resumed = TrainInputs { resume, ..run(&again) }.run(&mut |_| Continue(())).unwrap();
     assert_eq!(resumed.soup, straight.soup);
     assert_eq!(resumed.scores, straight.scores);
     assert_eq!(resumed.provenance, straight.provenance);
@@ -138,8 +140,11 @@ fn a_scene_of_too_many_triangles_is_cut_while_it_is_hardened() {
     let soft = soft_scene(&dataset);
     let most = soft.soup.len() as u64 / 2;
     let options = TrainOptions { max_triangles: most, ..hardening(400) };
-    let run =
-        TrainRun { from: Some(soft.into()), cut_from: true, ..TrainRun::new(&dataset, &options) };
+    let run = TrainInputs {
+        from: Some(soft.into()),
+        shrink_initial_scene: true,
+        ..TrainInputs::new(&dataset, &options)
+    };
     let cut = run.run(&mut |_| Continue(())).unwrap();
     assert_solid(&cut.soup);
     assert!(cut.soup.len() as u64 <= most, "{} of {most}", cut.soup.len());
@@ -160,7 +165,7 @@ fn a_scene_placed_anew_starts_where_it_was() {
     soup.vertices.iter_mut().flatten().for_each(|v: &mut Vec3| *v = placement.to_file(*v));
     let psnr = |from: ImportedScene| {
         let options = TrainOptions { steps: 1, ..TrainOptions::from_scene(TrainPreset::Outdoor) };
-        let run = TrainRun { from: Some(from), ..TrainRun::new(&dataset, &options) };
+        let run = TrainInputs { from: Some(from), ..TrainInputs::new(&dataset, &options) };
         run.run(&mut |_| Continue(())).unwrap().quality().unwrap().psnr
     };
     let here = psnr(soft.clone().into());
@@ -184,7 +189,8 @@ fn what_cannot_be_started_from_is_an_error_that_names_the_remedy() {
         ..Soup::default()
     };
     let options = TrainOptions { max_triangles: 2, ..hardening(5) };
-    let run = TrainRun { from: Some(triangle.clone().into()), ..TrainRun::new(&dataset, &options) };
+    let run =
+        TrainInputs { from: Some(triangle.clone().into()), ..TrainInputs::new(&dataset, &options) };
     let error = run.run(&mut |_| Continue(())).unwrap_err().to_string();
     assert!(error.contains("max_triangles is 2: expected 3 or more"), "{error}");
     let points = Soup { vertices: vec![[Vec3::ONE; 3]; 3], ..triangle };

@@ -7,8 +7,8 @@ use std::collections::VecDeque;
 use std::ops::ControlFlow::Continue;
 use trisplat_scene::{Error, Result};
 use trisplat_train::{
-    BackendVisibility, CpuBackend, Params, RunOptions, StepParams, StepPhoto, StepStats,
-    TrainBackend, TrainEvent, TrainRun, TrainSample, TrainState, checkpoint,
+    BackendVisibility, CpuBackend, OptimizerState, Params, StepParams, StepPhoto, StepStats,
+    TrainBackend, TrainEvent, TrainInputs, TrainOutputs, TrainSample, checkpoint,
 };
 
 /// The CPU's backend, which keeps figures of the last steps to itself, and is lost after some of
@@ -18,14 +18,14 @@ struct Late {
     cpu: CpuBackend,
     figures: VecDeque<StepStats>,
     steps_left: u64,
-    loaded: Option<TrainState>,
+    loaded: Option<OptimizerState>,
 }
 
 /// Steps whose figures are not known yet.
 const BEHIND: usize = 3;
 
 impl Late {
-    fn new(run: &TrainRun<'_>, steps_left: u64) -> Self {
+    fn new(run: &TrainInputs<'_>, steps_left: u64) -> Self {
         let cpu = CpuBackend::new(run.drawing());
         Self { cpu, figures: VecDeque::new(), steps_left, loaded: None }
     }
@@ -36,7 +36,7 @@ impl Late {
 }
 
 impl TrainBackend for Late {
-    fn load(&mut self, state: TrainState) -> Result<()> {
+    fn load(&mut self, state: OptimizerState) -> Result<()> {
         self.loaded = Some(state.clone());
         self.cpu.load(state)
     }
@@ -60,7 +60,7 @@ impl TrainBackend for Late {
         self.cpu.take_visibility()
     }
 
-    fn store(&mut self) -> Result<TrainState> {
+    fn store(&mut self) -> Result<OptimizerState> {
         self.check()?;
         self.loaded = None;
         self.cpu.store()
@@ -75,7 +75,7 @@ impl TrainBackend for Late {
         true
     }
 
-    fn rescued(&mut self) -> Option<TrainState> {
+    fn rescued(&mut self) -> Option<OptimizerState> {
         self.loaded.take()
     }
 
@@ -96,18 +96,18 @@ fn figures_that_come_late_are_all_in_the_curve() {
     let options = options(60);
     let run = |name: &str| {
         let checkpoint = Some(folder.path().join(name));
-        let outputs = RunOptions {
+        let outputs = TrainOutputs {
             checkpoint,
             checkpoint_every: 25,
             sample_every: 7,
-            ..RunOptions::default()
+            ..TrainOutputs::default()
         };
-        TrainRun { outputs, ..TrainRun::new(&dataset, &options) }
+        TrainInputs { outputs, ..TrainInputs::new(&dataset, &options) }
     };
     let waiting = run("a.checkpoint").run(&mut |_| Continue(())).unwrap();
     let late = run("b.checkpoint");
     let backend = Late::new(&late, u64::MAX);
-    let late = late.start_on(Box::new(backend)).unwrap().finish(&mut |_| Continue(())).unwrap();
+    let late = late.start_with(Box::new(backend)).unwrap().finish(&mut |_| Continue(())).unwrap();
     assert_eq!(plain(&late.curve), plain(&waiting.curve));
     assert_eq!((late.soup, late.scores), (waiting.soup, waiting.scores));
     let [a, b] = ["a", "b"]
@@ -123,14 +123,14 @@ fn a_backend_that_is_lost_leaves_the_scene_of_the_last_refinement() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
     let options = options(60);
-    let straight = TrainRun::new(&dataset, &options).run(&mut |_| Continue(())).unwrap();
+    let straight = TrainInputs::new(&dataset, &options).run(&mut |_| Continue(())).unwrap();
     let path = folder.path().join("a.checkpoint");
     let outputs =
-        RunOptions { checkpoint: Some(path.clone()), sample_every: 1, ..RunOptions::default() };
-    let run = TrainRun { outputs, ..TrainRun::new(&dataset, &options) };
+        TrainOutputs { checkpoint: Some(path.clone()), sample_every: 1, ..TrainOutputs::default() };
+    let run = TrainInputs { outputs, ..TrainInputs::new(&dataset, &options) };
     let backend = Late::new(&run, 40);
     let mut seen = Vec::new();
-    let error = run.start_on(Box::new(backend)).unwrap().finish(&mut |event| {
+    let error = run.start_with(Box::new(backend)).unwrap().finish(&mut |event| {
         if let TrainEvent::Densified(step, _) = event {
             seen.push(step);
         }
@@ -146,6 +146,7 @@ fn a_backend_that_is_lost_leaves_the_scene_of_the_last_refinement() {
     let checkpoint = checkpoint::read(&path).unwrap();
     assert!(step > 0 && step < 40 && checkpoint.meta.step == step);
     assert_eq!(checkpoint.meta.curve.last().map(|sample| sample.step), Some(step));
-    let rest = TrainRun::from_checkpoint(&dataset, checkpoint).run(&mut |_| Continue(())).unwrap();
+    let rest =
+        TrainInputs::from_checkpoint(&dataset, checkpoint).run(&mut |_| Continue(())).unwrap();
     assert_eq!(rest.soup, straight.soup);
 }

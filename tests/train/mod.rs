@@ -17,8 +17,8 @@ use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_scene::Soup;
 use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::{
-    DensifyOptions, InitOptions, RunOptions, SampleWeight, TrainEvent, TrainOptions, TrainPreset,
-    TrainRun, Trained, checkpoint,
+    DensifyOptions, InitOptions, SampleWeight, TrainEvent, TrainInputs, TrainOptions, TrainOutputs,
+    TrainPreset, Trained, checkpoint,
 };
 
 fn scene(folder: &Path, options: &SyntheticOptions) -> Dataset {
@@ -41,7 +41,7 @@ fn options(steps: u64) -> TrainOptions {
 
 /// One run, without a teacher.
 fn train(dataset: &Dataset, options: &TrainOptions) -> trisplat::Result<Trained> {
-    TrainRun::new(dataset, options).run(&mut |_| Continue(()))
+    TrainInputs::new(dataset, options).run(&mut |_| Continue(()))
 }
 
 /// The same, and panics when that fails.
@@ -115,13 +115,13 @@ fn resumes(options: &TrainOptions) {
     // resolution.
     for stop in [1, 37, 66, 100, 167, 199] {
         let path = folder.path().join("a.checkpoint");
-        let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
-        let first = TrainRun { outputs: outputs.clone(), ..TrainRun::new(&dataset, options) };
+        let outputs = TrainOutputs { checkpoint: Some(path.clone()), ..TrainOutputs::default() };
+        let first = TrainInputs { outputs: outputs.clone(), ..TrainInputs::new(&dataset, options) };
         let half = first.run(&mut stop_at(stop)).unwrap();
         assert!(half.stopped && half.steps == stop);
 
-        let second = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
-        let whole = TrainRun { outputs, ..second }.run(&mut |_| Continue(())).unwrap();
+        let second = TrainInputs::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
+        let whole = TrainInputs { outputs, ..second }.run(&mut |_| Continue(())).unwrap();
         assert_eq!(whole.soup, straight.soup, "stopped after {stop}");
         assert_eq!(whole.scores, straight.scores);
     }
@@ -132,14 +132,17 @@ fn a_checkpoint_of_other_photos_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
     let path = folder.path().join("a.checkpoint");
-    let outputs =
-        RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 1, ..RunOptions::default() };
-    TrainRun { outputs, ..TrainRun::new(&dataset, &options(1)) }
+    let outputs = TrainOutputs {
+        checkpoint: Some(path.clone()),
+        checkpoint_every: 1,
+        ..TrainOutputs::default()
+    };
+    TrainInputs { outputs, ..TrainInputs::new(&dataset, &options(1)) }
         .run(&mut |_| Continue(()))
         .unwrap();
     let mut checkpoint = checkpoint::read(&path).unwrap();
     checkpoint.meta.identity.photos[0].name.push('x');
-    let error = TrainRun::from_checkpoint(&dataset, checkpoint).start().unwrap_err().to_string();
+    let error = TrainInputs::from_checkpoint(&dataset, checkpoint).start().unwrap_err().to_string();
     assert!(error.contains("resume is of 14 other photos"), "{error}");
 }
 
@@ -148,12 +151,12 @@ fn a_photo_that_cannot_be_read_costs_no_step() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &SyntheticOptions { views: 40, ..small() });
     let path = folder.path().join("a.checkpoint");
-    let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
+    let outputs = TrainOutputs { checkpoint: Some(path.clone()), ..TrainOutputs::default() };
     // No memory for photos: only the next few are decoded ahead. A shell and exposures would look
     // at all of them first.
     let init = InitOptions { shell_subdivisions: 0, ..options(200).init };
     let options = TrainOptions { init, exposure: ExposureUse::Off, ..options(200) };
-    let run = TrainRun { outputs, photo_bytes: 0, ..TrainRun::new(&dataset, &options) };
+    let run = TrainInputs { outputs, photo_bytes: 0, ..TrainInputs::new(&dataset, &options) };
     let mut taking = |event: TrainEvent<'_>| {
         if matches!(event, TrainEvent::Step { sample, .. } if sample.step == 3) {
             std::fs::remove_dir_all(folder.path().join("images")).unwrap();

@@ -3,7 +3,7 @@
 use super::{options, scene, small, trained};
 use std::ops::ControlFlow::Continue;
 use trisplat_scene::{ImportedScene, Scene};
-use trisplat_train::{TrainEvent, TrainRun};
+use trisplat_train::{TrainEvent, TrainInputs};
 
 #[test]
 fn a_run_that_is_watched_gives_away_its_scenes_and_makes_the_same_bits() {
@@ -21,7 +21,7 @@ fn a_run_that_is_watched_gives_away_its_scenes_and_makes_the_same_bits() {
         }
         Continue(())
     };
-    let watched = TrainRun::new(&dataset, &options(120)).run(&mut watch).unwrap();
+    let watched = TrainInputs::new(&dataset, &options(120)).run(&mut watch).unwrap();
     assert_eq!(watched.soup, unwatched.soup);
     assert_eq!(seen.iter().map(|(step, _)| *step).collect::<Vec<_>>(), [40, 80, 120]);
     // What was seen last is what is written, the first something else.

@@ -6,8 +6,8 @@ use glam::{Mat3, Vec3};
 use trisplat_raster::soft::SoftOptions;
 use trisplat_scene::{camera::Camera, image::RgbImage};
 use trisplat_train::{
-    BackendVisibility, GpuBackend, GpuLimits, PhotoId, Schedule, StepParams, StepPhoto, StepStats,
-    TrainBackend, TrainOptions, TrainPreset, TrainState,
+    BackendVisibility, GpuBackend, GpuLimits, OptimizerState, PhotoId, Schedule, StepParams,
+    StepPhoto, StepStats, TrainBackend, TrainOptions, TrainPreset,
 };
 
 const STEPS: usize = 9;
@@ -59,7 +59,7 @@ fn ways() -> [Way; 3] {
 
 #[derive(PartialEq, Debug)]
 struct Outcome {
-    state: TrainState,
+    state: OptimizerState,
     figures: Vec<StepStats>,
     weights: Vec<f32>,
     errors: Vec<u64>,

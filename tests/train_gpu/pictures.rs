@@ -6,8 +6,8 @@ use trisplat_gpu::Gpu;
 use trisplat_raster::soft::{Frame, SoftOptions, SoftRasterizer, Sort, SoupRef, Window};
 use trisplat_scene::{Soup, camera::Camera};
 use trisplat_train::{
-    Anneal, CardScene, GpuBackend, GpuLimits, Schedule, StepParams, StepPhoto, TrainBackend,
-    TrainOptions, TrainPreset, TrainState,
+    Anneal, CardScene, GpuBackend, GpuLimits, OptimizerState, Schedule, StepParams, StepPhoto,
+    TrainBackend, TrainOptions, TrainPreset,
 };
 
 /// A random soup, some of its triangles opaque and with edges as hard as there are.
@@ -112,7 +112,7 @@ fn a_scene_that_trains_is_drawn_as_it_is_and_trains_on_as_if_nobody_had_looked()
     for (preset, progress) in [(TrainPreset::Outdoor, 0.3), (TrainPreset::Solid, 0.5)] {
         let rates = rates(preset, progress);
         let drawing = rates.drawing(&SoftOptions::default());
-        let run = |gpu: Gpu, looks: bool| -> TrainState {
+        let run = |gpu: Gpu, looks: bool| -> OptimizerState {
             let limits = GpuLimits::of(&gpu);
             let mut backend = GpuBackend::new(gpu, SoftOptions::default(), limits).unwrap();
             backend.load(scene::state(500, 1)).unwrap();

@@ -10,9 +10,9 @@ use trisplat_raster::soft::{Frame, SoftOptions};
 use trisplat_scene::{Error, Result, Soup, camera::Camera};
 use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::{
-    BackendVisibility, Checkpoint, CpuBackend, GpuBackend, GpuLimits, Params, RunOptions,
-    SampleWeight, StepParams, StepPhoto, StepStats, TrainBackend, TrainEvent, TrainObserver,
-    TrainOptions, TrainPreset, TrainRun, TrainState, Trained, checkpoint,
+    BackendVisibility, Checkpoint, CpuBackend, GpuBackend, GpuLimits, OptimizerState, Params,
+    SampleWeight, StepParams, StepPhoto, StepStats, TrainBackend, TrainEvent, TrainInputs,
+    TrainObserver, TrainOptions, TrainOutputs, TrainPreset, Trained, checkpoint,
 };
 
 fn dataset(folder: &Path) -> Dataset {
@@ -44,7 +44,7 @@ fn stop_after(steps: u64) -> impl FnMut(TrainEvent<'_>) -> ControlFlow<()> {
 struct Lent<'a>(&'a mut GpuBackend);
 
 impl TrainBackend for Lent<'_> {
-    fn load(&mut self, state: TrainState) -> Result<()> {
+    fn load(&mut self, state: OptimizerState) -> Result<()> {
         self.0.load(state)
     }
 
@@ -60,7 +60,7 @@ impl TrainBackend for Lent<'_> {
         self.0.take_visibility()
     }
 
-    fn store(&mut self) -> Result<TrainState> {
+    fn store(&mut self) -> Result<OptimizerState> {
         self.0.store()
     }
 
@@ -72,7 +72,7 @@ impl TrainBackend for Lent<'_> {
         self.0.can_be_lost()
     }
 
-    fn rescued(&mut self) -> Option<TrainState> {
+    fn rescued(&mut self) -> Option<OptimizerState> {
         self.0.rescued()
     }
 
@@ -96,7 +96,7 @@ impl TrainBackend for Lent<'_> {
 
 /// Runs `run` on the CPU, or on the card of `backend`.
 fn trained(
-    run: TrainRun<'_>,
+    run: TrainInputs<'_>,
     backend: Option<&mut GpuBackend>,
     observer: TrainObserver<'_>,
 ) -> Trained {
@@ -109,7 +109,7 @@ fn trained(
         }
         None => Box::new(CpuBackend::new(drawing)),
     };
-    run.start_on(backend).unwrap().finish(observer).unwrap()
+    run.start_with(backend).unwrap().finish(observer).unwrap()
 }
 
 fn psnr(trained: &Trained) -> f64 {
@@ -151,7 +151,7 @@ fn soft_runs_are_those_of_the_cpu() {
         if !densified {
             options.densify.every = 1e9;
         }
-        let run = || TrainRun::new(&dataset, &options);
+        let run = || TrainInputs::new(&dataset, &options);
         let gpu = trained(run(), Some(&mut card), &mut |_| Continue(()));
         let cpu = trained(run(), None, &mut |_| Continue(()));
         let psnr = (psnr(&gpu) - psnr(&cpu)).abs();
@@ -174,10 +174,11 @@ fn a_solid_run_is_that_of_the_cpu_from_where_it_is_opaque() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
     let path = folder.path().join("a.checkpoint");
-    let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
-    let first = TrainRun { outputs, ..TrainRun::new(&dataset, &options(TrainPreset::Solid, 200)) };
+    let outputs = TrainOutputs { checkpoint: Some(path.clone()), ..TrainOutputs::default() };
+    let first =
+        TrainInputs { outputs, ..TrainInputs::new(&dataset, &options(TrainPreset::Solid, 200)) };
     trained(first, None, &mut stop_after(150));
-    let rest = || TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
+    let rest = || TrainInputs::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
     let gpu = trained(rest(), Some(&mut card), &mut stop_after(20));
     let cpu = trained(rest(), None, &mut stop_after(20));
     let psnr = (psnr(&gpu) - psnr(&cpu)).abs();
@@ -193,15 +194,15 @@ fn the_same_bits_twice_and_after_a_stop() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
     let options = options(TrainPreset::Solid, 90);
-    let run = |resume: Option<Checkpoint>, outputs: &RunOptions| TrainRun {
+    let run = |resume: Option<Checkpoint>, outputs: &TrainOutputs| TrainInputs {
         resume,
         outputs: outputs.clone(),
-        ..TrainRun::new(&dataset, &options)
+        ..TrainInputs::new(&dataset, &options)
     };
     let straight =
-        trained(run(None, &RunOptions::default()), Some(&mut card), &mut |_| Continue(()));
+        trained(run(None, &TrainOutputs::default()), Some(&mut card), &mut |_| Continue(()));
     let path = folder.path().join("a.checkpoint");
-    let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
+    let outputs = TrainOutputs { checkpoint: Some(path.clone()), ..TrainOutputs::default() };
     // Before and after it is drawn as an engine draws.
     for stop in [31, 64] {
         trained(run(None, &outputs), Some(&mut card), &mut stop_after(stop));
@@ -219,17 +220,20 @@ fn a_checkpoint_goes_from_one_backend_to_the_other_and_back() {
     let dataset = dataset(folder.path());
     let options = options(TrainPreset::Outdoor, 90);
     let path = folder.path().join("a.checkpoint");
-    let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
+    let outputs = TrainOutputs { checkpoint: Some(path.clone()), ..TrainOutputs::default() };
     let mut resume = None;
     let mut parts = Vec::new();
     for on_card in [true, false, true] {
-        let run =
-            TrainRun { resume, outputs: outputs.clone(), ..TrainRun::new(&dataset, &options) };
+        let run = TrainInputs {
+            resume,
+            outputs: outputs.clone(),
+            ..TrainInputs::new(&dataset, &options)
+        };
         let backend = on_card.then_some(&mut card);
         parts.push(trained(run, backend, &mut stop_after(30)));
         resume = Some(checkpoint::read(&path).unwrap());
     }
-    let whole = trained(TrainRun::new(&dataset, &options), None, &mut |_| Continue(()));
+    let whole = trained(TrainInputs::new(&dataset, &options), None, &mut |_| Continue(()));
     assert_eq!(parts[2].steps, 90);
     assert!((psnr(&parts[2]) - psnr(&whole)).abs() < 0.05);
     assert!(corners_apart(&whole.soup, &parts[2].soup) < 1e-4);
@@ -242,10 +246,10 @@ fn a_card_that_is_lost_costs_the_steps_since_the_last_refinement() {
     let dataset = dataset(folder.path());
     let options = options(TrainPreset::Outdoor, 100);
     let straight =
-        trained(TrainRun::new(&dataset, &options), Some(&mut card), &mut |_| Continue(()));
+        trained(TrainInputs::new(&dataset, &options), Some(&mut card), &mut |_| Continue(()));
     let path = folder.path().join("a.checkpoint");
-    let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
-    let run = TrainRun { outputs, ..TrainRun::new(&dataset, &options) };
+    let outputs = TrainOutputs { checkpoint: Some(path.clone()), ..TrainOutputs::default() };
+    let run = TrainInputs { outputs, ..TrainInputs::new(&dataset, &options) };
     // Takes the card away, and notes when the scene was densified.
     let device = card.gpu().device.clone();
     let mut densified = 0;
@@ -258,7 +262,8 @@ fn a_card_that_is_lost_costs_the_steps_since_the_last_refinement() {
         Continue(())
     };
     card.restart(run.drawing(), GpuLimits::of(card.gpu()));
-    let error = run.start_on(Box::new(Lent(&mut card))).unwrap().finish(&mut observer).unwrap_err();
+    let error =
+        run.start_with(Box::new(Lent(&mut card))).unwrap().finish(&mut observer).unwrap_err();
     eprintln!("{error}");
     assert!(
         matches!(error, Error::Card { .. }) && error.to_string().contains("card was lost"),
@@ -267,7 +272,7 @@ fn a_card_that_is_lost_costs_the_steps_since_the_last_refinement() {
     let remedy =
         format!("to continue from step {densified}: `backend` cpu `resume` {}", path.display());
     assert!(densified > 0 && error.to_string().ends_with(&remedy), "{error}");
-    let rest = || TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
+    let rest = || TrainInputs::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
     // Another card gives what the first would have given, and the CPU something as good.
     let again = trained(rest(), Some(&mut backend().unwrap()), &mut |_| Continue(()));
     assert_eq!(again.soup, straight.soup);
@@ -283,12 +288,12 @@ fn a_card_that_is_too_small_costs_no_step() {
     let mut options = options(TrainPreset::Outdoor, 100);
     options.draw.sort_per_pixel = true;
     let path = folder.path().join("a.checkpoint");
-    let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
-    let run = TrainRun { outputs, ..TrainRun::new(&dataset, &options) };
+    let outputs = TrainOutputs { checkpoint: Some(path.clone()), ..TrainOutputs::default() };
+    let run = TrainInputs { outputs, ..TrainInputs::new(&dataset, &options) };
     let limits = GpuLimits::of(&small);
     let mut card = GpuBackend::new(small, run.drawing(), limits).unwrap();
     let error = run
-        .start_on(Box::new(Lent(&mut card)))
+        .start_with(Box::new(Lent(&mut card)))
         .unwrap()
         .finish(&mut |_| Continue(()))
         .unwrap_err()
@@ -298,6 +303,6 @@ fn a_card_that_is_too_small_costs_no_step() {
         error.contains("gpu: layers for ") && error.contains("`backend` cpu `resume` "),
         "{error}"
     );
-    let rest = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
+    let rest = TrainInputs::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
     assert_eq!(trained(rest, None, &mut |_| Continue(())).steps, 100);
 }

@@ -2,7 +2,7 @@
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat_scene::{Rng, camera::Camera, image::RgbImage};
-use trisplat_train::{Params, TrainState};
+use trisplat_train::{OptimizerState, Params};
 
 /// Not a multiple of a tile, and several tiles each way.
 pub(super) const SIZE: UVec2 = UVec2::new(70, 45);
@@ -18,7 +18,7 @@ pub(super) fn camera() -> Camera {
 }
 
 /// `count` triangles of all sizes about the origin, some through the near plane.
-pub(super) fn state(count: usize, sh_degree: u8) -> TrainState {
+pub(super) fn state(count: usize, sh_degree: u8) -> OptimizerState {
     let k = (usize::from(sh_degree) + 1).pow(2);
     let mut params = Params { sh_degree, ..Params::default() };
     for i in 0..count as u64 {
@@ -40,11 +40,11 @@ pub(super) fn state(count: usize, sh_degree: u8) -> TrainState {
             params.sh.push([0, 1, 2].map(|c| scale * (2.0 * rng.uniform(60 + 3 * m + c) - 1.0)));
         }
     }
-    TrainState::new(params)
+    OptimizerState::new(params)
 }
 
 /// `count` faint triangles before one tile, so that light gets through all of them.
-pub(super) fn pile(count: usize) -> TrainState {
+pub(super) fn pile(count: usize) -> OptimizerState {
     let camera = camera();
     let middle = (Vec2::new(40.0, 24.0) - camera.center) / camera.focal;
     let mut params = Params::default();
@@ -58,7 +58,7 @@ pub(super) fn pile(count: usize) -> TrainState {
         params.sigma.push(1.5 * rng.uniform(52) - 1.0);
         params.sh.push([0, 1, 2].map(|c| 2.0 * rng.uniform(60 + c) - 1.0));
     }
-    TrainState::new(params)
+    OptimizerState::new(params)
 }
 
 /// A picture, smooth and different in every channel, and with a mask if asked for.

@@ -7,8 +7,8 @@ use std::collections::BTreeSet;
 use trisplat_raster::soft::SoftOptions;
 use trisplat_scene::Rng;
 use trisplat_train::{
-    Anneal, BackendVisibility, CpuBackend, GpuBackend, GpuLimits, Params, Schedule, StepParams,
-    StepPhoto, StepStats, TrainBackend, TrainOptions, TrainPreset, TrainState,
+    Anneal, BackendVisibility, CpuBackend, GpuBackend, GpuLimits, OptimizerState, Params, Schedule,
+    StepParams, StepPhoto, StepStats, TrainBackend, TrainOptions, TrainPreset,
 };
 
 /// One way to train.
@@ -113,7 +113,7 @@ const CASES: &[Case] = &[
     Case { name: "regularised", rates: |r| r.beta_size = 1e-3, sh_degree: 0, ..PLAIN },
 ];
 
-type Outcome = (TrainState, StepStats, BackendVisibility);
+type Outcome = (OptimizerState, StepStats, BackendVisibility);
 
 fn step(backend: &mut dyn TrainBackend, case: &Case, rates: &StepParams) -> Outcome {
     step_from(backend, case, rates, scene::state(300, case.sh_degree))
@@ -123,7 +123,7 @@ fn step_from(
     backend: &mut dyn TrainBackend,
     case: &Case,
     rates: &StepParams,
-    mut state: TrainState,
+    mut state: OptimizerState,
 ) -> Outcome {
     state.pinned = case.pinned;
     state.frozen = case.frozen;

@@ -105,7 +105,7 @@ impl Dataset {
 
     /// Whether a tracked point, by its index, is one of the fifth that judges the depth of scenes:
     /// no training uses it.
-    pub fn judges_depth(index: usize) -> bool {
+    pub fn is_validation_point(index: usize) -> bool {
         index.is_multiple_of(5)
     }
 

@@ -18,7 +18,7 @@ use trisplat_raster::solid::SolidRasterizer;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::{Result, SceneNormalization};
 use trisplat_train::budget::part_secs;
-use trisplat_train::{EvalScene, TrainOptions, TrainRun, Trained, solve_exposures};
+use trisplat_train::{EvalScene, TrainInputs, TrainOptions, Trained, solve_exposures};
 
 /// Longer side of the photos, px, and triangles of a scene: a step takes about two milliseconds.
 const LONGER_PX: u32 = 96;
@@ -151,7 +151,7 @@ fn train(
 ) -> Result<Trained> {
     let begins =
         TrainBegins { part: TrainPart::Trial, steps: options.steps, ..TrainBegins::default() };
-    let run = TrainRun::new(fold, &options).with_dataset_options(how);
+    let run = TrainInputs::new(fold, &options).with_dataset_options(how);
     let trained = run.run(&mut begin(observer, &begins)?)?;
     if trained.stopped {
         Err(stopped("a short training that leaves some photos out", &trained))

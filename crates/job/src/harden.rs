@@ -14,7 +14,7 @@ use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{StageDetails, StageReport};
 use trisplat_scene::{Error, ImportedScene, Result, Scene, SceneNormalization, Soup};
 use trisplat_teacher as teacher;
-use trisplat_train::{TrainDetails, TrainOptions, TrainPreset, TrainRun};
+use trisplat_train::{TrainDetails, TrainInputs, TrainOptions, TrainPreset};
 
 /// Maximum number of triangles of a hardened scene, unless the soft one has more.
 const DEFAULT_MAX_TRIANGLES: u64 = 60_000;
@@ -119,8 +119,8 @@ pub(super) fn train(
     clock: Instant,
     observer: Observer<'_>,
 ) -> Result<(ImportedScene, StageReport)> {
-    let run = TrainRun::new(dataset, options).with_dataset_options(how);
-    let run = TrainRun { from: Some(soft), cut_from: true, ..run }.start()?;
+    let run = TrainInputs::new(dataset, options).with_dataset_options(how);
+    let run = TrainInputs { from: Some(soft), shrink_initial_scene: true, ..run }.start()?;
     let triangles = run.triangles();
     let begins = TrainBegins { steps: options.steps, ..TrainBegins::default() };
     let trained = run.finish(&mut begin(observer, &begins)?)?;

@@ -18,7 +18,7 @@ use trisplat_formats::output::{self, OutputFormat};
 use trisplat_scene::atomic::{AtomicFile, MadeFolders, Manifest};
 use trisplat_scene::report::{Report, StageReport};
 use trisplat_scene::{Asset, Error, Limits, Provenance, Region, Result, Seconds, input};
-use trisplat_train::{BackendOptions, RunOptions, TrainOptions, checkpoint};
+use trisplat_train::{BackendOptions, TrainOptions, TrainOutputs, checkpoint};
 
 /// Share of the budget for training; the bake needs less than the rest.
 const TRAINING: f64 = 0.85;
@@ -321,10 +321,10 @@ impl MakeJob {
             None => job.limit(self.budget, TRAINING),
         }
         job.resume = resume;
-        job.outputs = RunOptions {
+        job.outputs = TrainOutputs {
             checkpoint: Some(point),
             checkpoint_every: CHECKPOINT_EVERY,
-            ..RunOptions::default()
+            ..TrainOutputs::default()
         };
         if observer(Event::Part(MakePart::Train)).is_break() {
             return Ok(false);

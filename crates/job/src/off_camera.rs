@@ -64,7 +64,7 @@ pub(super) fn depth(mesh: &Mesh, near: f32, dataset: &Dataset) -> Option<DepthSc
     for view in dataset.train() {
         let camera = &view.camera;
         let drawn = solid.visibility(mesh, camera, &options);
-        for (_, point) in dataset.tracked(view).filter(|(i, _)| Dataset::judges_depth(*i)) {
+        for (_, point) in dataset.tracked(view).filter(|(i, _)| Dataset::is_validation_point(*i)) {
             let Some((at, z)) = camera.project(point.position) else { continue };
             let face = drawn.face[at.y as usize * camera.size.x as usize + at.x as usize];
             let error = if face == NO_FACE {

@@ -80,10 +80,10 @@ pub(super) fn teacher_budget(run: Budget, spent: f64) -> Budget {
 
 /// What the budget of a teacher is a part of: that of the run, or what this is a part of.
 pub(super) fn whole(run: Budget, whole: Option<WholeBudget>, spent: f64) -> WholeBudget {
-    let whole = whole.unwrap_or(WholeBudget { seconds: run.seconds, factor: 1.0, beside: 0.0 });
-    let factor = whole.factor / BUDGET_SHARE;
-    let beside = whole.beside + whole.factor * spent * (1.0 - 1.0 / BUDGET_SHARE);
-    WholeBudget { factor, beside, ..whole }
+    let whole = whole.unwrap_or(WholeBudget { seconds: run.seconds, scale: 1.0, offset: 0.0 });
+    let scale = whole.scale / BUDGET_SHARE;
+    let offset = whole.offset + whole.scale * spent * (1.0 - 1.0 / BUDGET_SHARE);
+    WholeBudget { scale, offset, ..whole }
 }
 
 /// Training options of a teacher. A budget chooses its triangles unless the run's are given.
@@ -93,8 +93,8 @@ pub(super) fn teacher_options(
 ) -> Layered<TrainOptions> {
     let share = |count: u64, share: f64| ((count as f64 * share) as u64).max(1);
     let preset = TrainOptions::preset(TrainPreset::Outdoor);
-    let triangles_given = run.is_given("max_triangles");
-    let max_triangles = if has_budget && !triangles_given {
+    let keeps_max_triangles = run.is_given("max_triangles");
+    let max_triangles = if has_budget && !keeps_max_triangles {
         preset.max_triangles
     } else {
         share(run.options.max_triangles, TRIANGLES_SHARE)
@@ -103,7 +103,7 @@ pub(super) fn teacher_options(
     let TrainOptions { seed, exposure, .. } = run.options;
     let options = TrainOptions { steps, max_triangles, seed, exposure, ..preset };
     let layered = Layered::over(&options, options.clone());
-    if triangles_given { layered.giving(&["max_triangles"]) } else { layered }
+    if keeps_max_triangles { layered.giving(&["max_triangles"]) } else { layered }
 }
 
 impl TeacherPlan {

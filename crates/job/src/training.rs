@@ -12,9 +12,10 @@ use trisplat_scene::layered::{Layered, Origin};
 use trisplat_scene::process::cpu_secs;
 use trisplat_scene::report::{Counts, Report, StageDetails, StageReport, to_json};
 use trisplat_scene::{Budget, Error, ImportedScene, Result, Seconds, Spending};
-use trisplat_train::budget::{self, Pace, Paced, PlanInput, StepLimit, WholeBudget};
+use trisplat_train::budget::{self, BudgetControl, Pace, PlanInput, StepLimit, WholeBudget};
 use trisplat_train::{
-    BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainRun, Trained, find_points,
+    BackendOptions, Checkpoint, TrainInputs, TrainOptions, TrainOutputs, Trained,
+    reconstruct_points,
 };
 
 /// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set
@@ -68,7 +69,7 @@ pub struct TrainJob {
     /// Training backend.
     pub backend: BackendOptions,
     /// Files that the run writes on the way.
-    pub outputs: RunOptions,
+    pub outputs: TrainOutputs,
     /// Checkpoint to resume from.
     pub resume: Option<Checkpoint>,
     /// Resume although photos, cameras, points or background differ from the checkpoint's.
@@ -105,7 +106,7 @@ impl TrainJob {
             whole: None,
             began: None,
             backend: BackendOptions::default(),
-            outputs: RunOptions::default(),
+            outputs: TrainOutputs::default(),
             resume: None,
             force_resume: false,
         }
@@ -120,8 +121,8 @@ impl TrainJob {
                 self.budget = Some(Budget::cpu(Seconds(spent + share * time.0)));
                 self.whole = Some(WholeBudget {
                     seconds: time,
-                    factor: share.recip(),
-                    beside: -spent / share,
+                    scale: share.recip(),
+                    offset: -spent / share,
                 });
             }
             None => self.options = self.options.clone().giving(&["steps"]),
@@ -132,14 +133,14 @@ impl TrainJob {
     ///
     /// # Errors
     ///
-    /// Those of the preparation and of [`TrainRun::start_at`]; photos that cannot be decoded;
+    /// Those of the preparation and of [`TrainInputs::start_on`]; photos that cannot be decoded;
     /// options that the budget chooses; an unreadable or solid teacher; a budget that is too small;
     /// a checkpoint of another run. [`Error::Stopped`] if it was stopped before its own first step:
     /// nothing is written, and the run begins again.
     pub fn run(mut self, observer: Observer<'_>) -> Result<TrainDone> {
         let began = self.began.unwrap_or_else(Instant::now);
         if self.from.is_none() {
-            find_points(&mut self.dataset, self.dataset_options.photo_bytes())?;
+            reconstruct_points(&mut self.dataset, self.dataset_options.photo_bytes())?;
         }
         if self.resume.is_none() {
             check(self.budget, &self.options)?;
@@ -178,17 +179,17 @@ impl TrainJob {
         };
         let summary = paced.as_ref().map(|paced| self.summary(&paced.pace));
         let dataset = taught.as_ref().unwrap_or(&self.dataset);
-        let run = TrainRun {
+        let run = TrainInputs {
             outputs: self.outputs,
             from: self.from,
             resume: self.resume,
             paced,
             began: Some(began),
             force_resume: self.force_resume,
-            ..TrainRun::new(dataset, &self.options.options)
+            ..TrainInputs::new(dataset, &self.options.options)
                 .with_dataset_options(&self.dataset_options)
         };
-        let mut run = run.start_at(&self.backend)?;
+        let mut run = run.start_on(&self.backend)?;
         warnings.append(&mut run.warnings);
         let triangles = run.triangles();
         let begins = TrainBegins {
@@ -308,10 +309,10 @@ impl TrainJob {
             ..Self::new(self.dataset.clone(), TrainOptions::default())
         };
         let paced = job.keep_to_budget(enough, began)?;
-        let run = TrainRun::new(&job.dataset, &job.options.options)
+        let run = TrainInputs::new(&job.dataset, &job.options.options)
             .with_dataset_options(&job.dataset_options);
         // The run reports the card, so the teacher does not.
-        let run = TrainRun { paced, ..run }.start_at(&self.backend)?;
+        let run = TrainInputs { paced, ..run }.start_on(&self.backend)?;
         let triangles = run.triangles();
         let part = TrainPart::Teacher;
         let steps = run.options().steps;
@@ -339,17 +340,21 @@ impl TrainJob {
     /// # Errors
     ///
     /// Those of the first steps; photos that cannot be decoded; a budget that is too small.
-    fn keep_to_budget(&mut self, enough: StepLimit, began: Instant) -> Result<Option<Paced>> {
-        let triangles_given = self.options.is_given("max_triangles");
+    fn keep_to_budget(
+        &mut self,
+        enough: StepLimit,
+        began: Instant,
+    ) -> Result<Option<BudgetControl>> {
+        let keeps_max_triangles = self.options.is_given("max_triangles");
         let Some(budget) = self.budget else {
             self.options.options =
-                with_fewer_steps(&self.options.options, enough.steps, triangles_given);
+                with_fewer_steps(&self.options.options, enough.steps, keeps_max_triangles);
             return Ok(None);
         };
         let options = &self.options.options;
         let how = &mut self.dataset_options;
         let spending = Spending::of_process(budget.clock, began);
-        let speed = trisplat_train::speed(
+        let speed = trisplat_train::measure_speed(
             &self.dataset,
             self.from.as_ref(),
             options,
@@ -357,10 +362,10 @@ impl TrainJob {
             &spending,
         )?;
         let pace = budget::plan(&PlanInput {
-            triangles_given,
-            size_given: how.max_size.is_some() || self.dataset.kind == DatasetKind::Drawn,
+            keeps_max_triangles,
+            keeps_photo_size: how.max_size.is_some() || self.dataset.kind == DatasetKind::Drawn,
             from: self.from.as_ref().map(|scene| scene.scene.triangle_count() as u64),
-            enough,
+            step_limit: enough,
             whole: self.whole,
             ..PlanInput::new(&self.dataset, options, budget, spending.seconds(), speed)
         })?;
@@ -377,7 +382,7 @@ impl TrainJob {
                 self.dataset = small;
             }
         }
-        Ok(Some(Paced { pace, spending }))
+        Ok(Some(BudgetControl { pace, spending }))
     }
 }
 
@@ -402,11 +407,12 @@ fn check(budget: Option<Budget>, options: &Layered<TrainOptions>) -> Result<()> 
 fn with_fewer_steps(
     options: &TrainOptions,
     most: Option<u64>,
-    triangles_given: bool,
+    keeps_max_triangles: bool,
 ) -> TrainOptions {
     let Some(steps) = most.filter(|most| *most < options.steps) else { return options.clone() };
     let fewer = options.max_triangles as f64 * steps as f64 / options.steps as f64;
-    let max_triangles = if triangles_given { options.max_triangles } else { (fewer as u64).max(1) };
+    let max_triangles =
+        if keeps_max_triangles { options.max_triangles } else { (fewer as u64).max(1) };
     TrainOptions { steps: steps.max(1), max_triangles, ..options.clone() }
 }
 

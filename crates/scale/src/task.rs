@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use trisplat_dataset::Dataset;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene};
-use trisplat_train::{Part, Preview, RunOptions, TrainRun, Trained, checkpoint};
+use trisplat_train::{Preview, TrainInputs, TrainOutputs, Trained, TrainedPart, checkpoint};
 
 /// Default number of checkpoints that a task writes.
 const CHECKPOINTS: u64 = 10;
@@ -122,8 +122,8 @@ impl Task {
     pub fn run<'a>(
         &self,
         dataset: &'a Dataset,
-        outputs: RunOptions,
-    ) -> Result<(TrainRun<'a>, Option<String>)> {
+        outputs: TrainOutputs,
+    ) -> Result<(TrainInputs<'a>, Option<String>)> {
         let options = self.manifest.options_of(self.index);
         let path = self.checkpoint();
         let (resume, warning) = match path.exists().then(|| checkpoint::read(&path)) {
@@ -132,15 +132,15 @@ impl Task {
             Some(Err(error)) => (None, Some(format!("{error}; training from the beginning"))),
         };
         let from = if resume.is_some() { None } else { self.start()? };
-        let part = from.as_ref().map(|_| Part {
+        let part = from.as_ref().map(|_| TrainedPart {
             space: self.manifest.space(),
             first_step: self.block().first_step,
             core: Some(self.block().training_core(&self.manifest.space())),
             frozen: usize::try_from(self.block().frozen).unwrap_or(usize::MAX),
         });
-        let run =
-            TrainRun::new(dataset, &options).with_dataset_options(&self.manifest.dataset_options);
-        Ok((TrainRun { outputs, from, part, resume, ..run }, warning))
+        let run = TrainInputs::new(dataset, &options)
+            .with_dataset_options(&self.manifest.dataset_options);
+        Ok((TrainInputs { outputs, from, part, resume, ..run }, warning))
     }
 
     /// What the run leaves behind; 0 `checkpoint_every`: ten checkpoints on the way.
@@ -149,17 +149,17 @@ impl Task {
         checkpoint_every: u64,
         preview: Option<Preview>,
         max_cpu_secs: f64,
-    ) -> RunOptions {
+    ) -> TrainOutputs {
         let steps = self.block().steps - self.block().first_step;
         let checkpoint_every =
             if checkpoint_every > 0 { checkpoint_every } else { steps.div_ceil(CHECKPOINTS) };
-        RunOptions {
+        TrainOutputs {
             checkpoint: Some(self.checkpoint()),
             keep: 1,
             checkpoint_every,
             preview,
             max_cpu_secs,
-            ..RunOptions::default()
+            ..TrainOutputs::default()
         }
     }
 

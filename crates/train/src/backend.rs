@@ -5,7 +5,7 @@
 //! only the inner loop. Densification exists once: it takes the state out, changes it and puts it
 //! back.
 
-use super::params::{Params, TrainState};
+use super::params::{OptimizerState, Params};
 use super::schedule::StepParams;
 use glam::UVec2;
 use std::borrow::Cow;
@@ -80,7 +80,7 @@ pub(crate) struct RunSize {
 /// Stores a training scene and makes its steps.
 pub trait TrainBackend: std::fmt::Debug {
     /// Moves a state in.
-    fn load(&mut self, state: TrainState) -> Result<()>;
+    fn load(&mut self, state: OptimizerState) -> Result<()>;
     /// Draws, compares, differentiates and updates the parameters once. A backend may run some
     /// steps behind; it catches up before it returns other data. An error may come from an earlier
     /// step.
@@ -91,7 +91,7 @@ pub trait TrainBackend: std::fmt::Debug {
     /// Returns and resets the visibility since the last call.
     fn take_visibility(&mut self) -> Result<BackendVisibility>;
     /// Moves the state out; [`TrainBackend::load`] must follow before the next step.
-    fn store(&mut self) -> Result<TrainState>;
+    fn store(&mut self) -> Result<OptimizerState>;
     /// The parameters as they are.
     fn params(&mut self) -> Result<Cow<'_, Params>>;
     /// True where the state can get lost: then [`TrainBackend::rescued`] has it.
@@ -100,7 +100,7 @@ pub trait TrainBackend: std::fmt::Debug {
     }
     /// The last loaded state, for when [`TrainBackend::store`] or the loading failed. It can be
     /// taken once.
-    fn rescued(&mut self) -> Option<TrainState> {
+    fn rescued(&mut self) -> Option<OptimizerState> {
         None
     }
     /// True where [`TrainBackend::picture`] draws the scene faster than the CPU.

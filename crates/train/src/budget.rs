@@ -23,7 +23,7 @@ use trisplat_scene::{Error, Result};
 pub use trisplat_scene::{Budget, BudgetClock, Seconds, Spending};
 
 /// Seconds of a step: a constant, per triangle and per pixel, soft and with engine shading. Only
-/// their proportions count, because [`speed`](crate::speed) measures the machine.
+/// their proportions count, because [`speed`](crate::measure_speed) measures the machine.
 const STEP_SECS: [[f64; 3]; 2] = [[0.75e-3, 0.36e-6, 0.046e-6], [0.0, 0.53e-6, 0.1e-6]];
 /// Seconds per pixel to decode a photo, and to draw and compare a held-out one, in the same unit.
 const DECODE_SECS: f64 = 10e-9;
@@ -124,7 +124,7 @@ pub struct Pace {
 
 /// A pace, and the clock of the budget.
 #[derive(Debug, Clone)]
-pub struct Paced {
+pub struct BudgetControl {
     /// The plan and its changes.
     pub pace: Pace,
     /// What is spent.
@@ -141,20 +141,20 @@ pub struct PlanInput<'a> {
     pub budget: Budget,
     /// Seconds spent already.
     pub spent_secs: f64,
-    /// The machine's [`speed`](crate::speed).
+    /// The machine's [`speed`](crate::measure_speed).
     pub speed: f64,
     /// Training photos, and held-out ones.
     pub photos: [u64; 2],
     /// The size of the largest training photo, px.
     pub photo: UVec2,
     /// `max_triangles` is given.
-    pub triangles_given: bool,
+    pub keeps_max_triangles: bool,
     /// `max_size` is given, or cannot be chosen.
-    pub size_given: bool,
+    pub keeps_photo_size: bool,
     /// Triangles of the scene that the run starts from, which must all fit.
     pub from: Option<u64>,
-    /// What is enough for it.
-    pub enough: StepLimit,
+    /// Numbers of steps beyond which time gains less.
+    pub step_limit: StepLimit,
     /// The budget that was asked for, if this is a part of it.
     pub whole: Option<WholeBudget>,
 }
@@ -164,10 +164,10 @@ pub struct PlanInput<'a> {
 pub struct WholeBudget {
     /// All of it.
     pub seconds: Seconds,
-    /// Its seconds for each second of the part, ...
-    pub factor: f64,
-    /// ... and those beside.
-    pub beside: f64,
+    /// Seconds of the whole for each second of the part: whole = scale · part + offset.
+    pub scale: f64,
+    /// Seconds of the whole when the part has none.
+    pub offset: f64,
 }
 
 impl<'a> PlanInput<'a> {
@@ -187,10 +187,10 @@ impl<'a> PlanInput<'a> {
             speed,
             photos: [dataset.train().count(), dataset.test().count()].map(|count| count as u64),
             photo: sizes.max_by_key(|size| size.element_product()).unwrap_or(UVec2::ONE),
-            triangles_given: false,
-            size_given: false,
+            keeps_max_triangles: false,
+            keeps_photo_size: false,
             from: None,
-            enough: StepLimit::default(),
+            step_limit: StepLimit::default(),
             whole: None,
         }
     }
@@ -224,7 +224,7 @@ impl<'a> PlanInput<'a> {
 
     /// Maximum number of triangles of a run of `steps`.
     fn triangles(&self, photo: UVec2, steps: u64) -> u64 {
-        if self.triangles_given {
+        if self.keeps_max_triangles {
             return self.options.max_triangles;
         }
         let [least, most] = TRIANGLES;
@@ -246,7 +246,7 @@ impl<'a> PlanInput<'a> {
         if !fits(low) {
             return None;
         }
-        let most = self.enough.steps.unwrap_or(1 << 40).max(FEWEST_STEPS);
+        let most = self.step_limit.steps.unwrap_or(1 << 40).max(FEWEST_STEPS);
         while fits(high) && high < most {
             low = high;
             high *= 2;
@@ -261,9 +261,9 @@ impl<'a> PlanInput<'a> {
 
     fn too_small(&self, photo: UVec2) -> Error {
         let needed = self.spent_secs + self.beside_secs(photo)[1] + self.run(FEWEST_STEPS, photo).1;
-        let itself = WholeBudget { seconds: self.budget.seconds, factor: 1.0, beside: 0.0 };
-        let WholeBudget { seconds, factor, beside } = self.whole.unwrap_or(itself);
-        let needed = 1.2 * (factor * needed + beside);
+        let itself = WholeBudget { seconds: self.budget.seconds, scale: 1.0, offset: 0.0 };
+        let WholeBudget { seconds, scale, offset } = self.whole.unwrap_or(itself);
+        let needed = 1.2 * (scale * needed + offset);
         let parts = if needed < 1.0 { 10.0 } else { 1.0 };
         let needed = (parts * needed).ceil() / parts;
         Error::invalid(
@@ -288,9 +288,12 @@ pub fn plan(input: &PlanInput<'_>) -> Result<Pace> {
         let smaller = (photo.max_element() * 3 / 4).max(SMALLEST_PHOTO);
         let enough = plan.as_ref().is_some_and(|plan| {
             plan.steps
-                >= input.enough.steps_of_full_photos.min(input.enough.steps.unwrap_or(u64::MAX))
+                >= input
+                    .step_limit
+                    .steps_of_full_photos
+                    .min(input.step_limit.steps.unwrap_or(u64::MAX))
         });
-        if enough || input.size_given || smaller >= photo.max_element() {
+        if enough || input.keeps_photo_size || smaller >= photo.max_element() {
             let plan = plan.ok_or_else(|| input.too_small(photo))?;
             return Ok(Pace {
                 budget: input.budget,
@@ -300,7 +303,7 @@ pub fn plan(input: &PlanInput<'_>) -> Result<Pace> {
                 began_secs: input.spent_secs,
                 stored_secs: input.spent_secs,
                 reserve_secs: None,
-                most_steps: input.enough.steps,
+                most_steps: input.step_limit.steps,
             });
         }
         size = Some(smaller);
@@ -465,10 +468,10 @@ mod tests {
             speed: 1.0,
             photos: [40, 6],
             photo: PHOTO,
-            triangles_given: false,
-            size_given: false,
+            keeps_max_triangles: false,
+            keeps_photo_size: false,
             from: None,
-            enough: StepLimit::default(),
+            step_limit: StepLimit::default(),
             whole: None,
         }
     }
@@ -549,8 +552,8 @@ mod tests {
     #[test]
     fn a_run_that_has_all_steps_that_pay_leaves_the_rest_of_its_budget() {
         let base = TrainOptions::default();
-        let enough = StepLimit { steps: Some(1500), ..StepLimit::default() };
-        let mut pace = plan(&PlanInput { enough, ..input(&base, 600.0) }).unwrap();
+        let step_limit = StepLimit { steps: Some(1500), ..StepLimit::default() };
+        let mut pace = plan(&PlanInput { step_limit, ..input(&base, 600.0) }).unwrap();
         assert_eq!(
             (pace.plan.steps, pace.plan.max_triangles, pace.is_enough()),
             (1500, 21_000, true)
@@ -576,7 +579,7 @@ mod tests {
     fn what_is_given_is_kept() {
         let options = TrainOptions { max_triangles: 7000, ..TrainOptions::default() };
         let plan = |input: &PlanInput<'_>| plan(input).unwrap().plan;
-        let given = PlanInput { triangles_given: true, ..input(&options, 60.0) };
+        let given = PlanInput { keeps_max_triangles: true, ..input(&options, 60.0) };
         assert_eq!(plan(&given).max_triangles, 7000);
         assert_eq!(
             plan(&PlanInput { from: Some(90_000), ..input(&options, 60.0) }).max_triangles,
@@ -584,7 +587,7 @@ mod tests {
         );
         let large = PlanInput { photo: UVec2::new(3000, 2000), ..input(&options, 60.0) };
         assert!(plan(&large).max_size.is_some());
-        assert_eq!(plan(&PlanInput { size_given: true, ..large }).max_size, None);
+        assert_eq!(plan(&PlanInput { keeps_photo_size: true, ..large }).max_size, None);
     }
 
     #[test]

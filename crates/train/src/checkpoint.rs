@@ -10,7 +10,7 @@ use super::eval::TrainSample;
 use super::exposure::ExposureEstimates;
 use super::identity::RunIdentity;
 use super::options::TrainOptions;
-use super::params::{Core, Params, TrainState};
+use super::params::{Core, OptimizerState, Params};
 use super::visibility::VisibilityStats;
 use bytemuck::{NoUninit, Pod};
 use glam::Vec3;
@@ -40,7 +40,7 @@ const STEP: &str = ".step-";
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
     /// Parameters and moments.
-    pub state: TrainState,
+    pub state: OptimizerState,
     /// Visibility of the triangles since the last pruning.
     pub visibility: VisibilityStats,
     /// What is not an array.
@@ -59,9 +59,9 @@ pub struct CheckpointMeta {
     pub options: TrainOptions,
     /// Centre and scale of training space.
     pub space: ([f32; 3], f32),
-    /// Number of first triangles that are pinned: see [`TrainState::pinned`].
+    /// Number of first triangles that are pinned: see [`OptimizerState::pinned`].
     pub pinned: usize,
-    /// Number of these that are frozen: see [`TrainState::frozen`].
+    /// Number of these that are frozen: see [`OptimizerState::frozen`].
     pub frozen: usize,
     /// The core, when only a part is trained.
     pub core: Option<Core>,
@@ -291,7 +291,7 @@ fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Checkpoint> {
         drawn: flags("visibility.drawn", meta.identity.photos.len())?,
     };
     let [params, first, second] = [params("params")?, params("first")?, params("second")?];
-    let state = TrainState { params, first, second, pinned: meta.pinned, frozen: meta.frozen };
+    let state = OptimizerState { params, first, second, pinned: meta.pinned, frozen: meta.frozen };
     Ok(Checkpoint { state, visibility, meta })
 }
 
@@ -441,7 +441,7 @@ mod tests {
             pace: None,
         };
         let params = Params::from_soup(&soup, meta.options.sh_degree);
-        let state = TrainState { pinned: 2, frozen: 1, ..TrainState::new(params) };
+        let state = OptimizerState { pinned: 2, frozen: 1, ..OptimizerState::new(params) };
         Checkpoint { state, visibility, meta }
     }
 

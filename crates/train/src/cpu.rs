@@ -1,7 +1,7 @@
 //! The training scene in main memory, on all cores.
 
 use super::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
-use super::params::{Anneal, Params, TrainState, frozen_opacity};
+use super::params::{Anneal, OptimizerState, Params, frozen_opacity};
 use super::schedule::StepParams;
 use super::update::{Regularisers, update};
 use std::borrow::Cow;
@@ -21,7 +21,7 @@ use trisplat_scene::parallel::{self, GRAIN};
 #[derive(Debug, Default)]
 pub struct CpuBackend {
     options: SoftOptions,
-    state: TrainState,
+    state: OptimizerState,
     soft: SoftRasterizer,
     frame_loss: FrameLoss,
     d_maps: MapsGrad<f32>,
@@ -41,12 +41,12 @@ impl CpuBackend {
 }
 
 impl TrainBackend for CpuBackend {
-    fn load(&mut self, state: TrainState) -> Result<()> {
+    fn load(&mut self, state: OptimizerState) -> Result<()> {
         self.state = state;
         Ok(())
     }
 
-    fn store(&mut self) -> Result<TrainState> {
+    fn store(&mut self) -> Result<OptimizerState> {
         Ok(std::mem::take(&mut self.state))
     }
 
@@ -164,7 +164,12 @@ fn add_errors(d_soup: &SoupGrad, errors: &mut Vec<u64>) {
 pub(super) const ERROR_UNITS: f32 = 1_048_576.0;
 
 /// Opacity and σ of the raw parameters.
-fn activate(state: &TrainState, rates: &StepParams, opacity: &mut Vec<f32>, sigma: &mut Vec<f32>) {
+fn activate(
+    state: &OptimizerState,
+    rates: &StepParams,
+    opacity: &mut Vec<f32>,
+    sigma: &mut Vec<f32>,
+) {
     // Frozen triangles are as solid as they will stay, whatever the anneal.
     let params = &state.params;
     let anneal = rates.anneal;

@@ -8,7 +8,7 @@
 
 use super::known::{DepthRepair, KnownDepth};
 use super::options::{DensifyOptions, SampleWeight};
-use super::params::{Anneal, Core, Params, TrainState};
+use super::params::{Anneal, Core, OptimizerState, Params};
 use super::relocate::{Relocation, make_room};
 use super::start::thinned;
 use super::visibility::VisibilityStats;
@@ -93,7 +93,7 @@ pub struct Densified {
 /// Densifies `state` and `visibility` together; complete statistics are reset. The most important
 /// triangle always stays.
 pub(crate) fn densify(
-    state: &mut TrainState,
+    state: &mut OptimizerState,
     visibility: &mut VisibilityStats,
     plan: &DensifyPlan<'_>,
 ) -> Densified {
@@ -154,7 +154,7 @@ pub(crate) fn densify(
 
 /// Which triangles stay, by the rules in their order.
 fn prune(
-    state: &TrainState,
+    state: &OptimizerState,
     visibility: &VisibilityStats,
     complete: bool,
     plan: &DensifyPlan<'_>,
@@ -194,7 +194,7 @@ fn prune(
 /// Removes triangles before known points and moves those near theirs; returns the points that
 /// photos see through, while triangles may be added.
 fn repair(
-    state: &mut TrainState,
+    state: &mut OptimizerState,
     visibility: &VisibilityStats,
     alive: &mut [bool],
     plan: &DensifyPlan<'_>,
@@ -227,7 +227,7 @@ fn is_unsupported(params: &Params, visibility: &VisibilityStats, i: usize, eyes:
 /// Samples triangles by weight, without replacement, until the growth is spent: a split adds three,
 /// a clone one.
 fn sample_growth(
-    state: &TrainState,
+    state: &OptimizerState,
     alive: &[bool],
     visibility: &VisibilityStats,
     plan: &DensifyPlan<'_>,
@@ -334,7 +334,7 @@ mod tests {
     use crate::params::logit;
     use trisplat_scene::Soup;
 
-    fn state(n: usize) -> TrainState {
+    fn state(n: usize) -> OptimizerState {
         let rng = Rng::new(5, "soup", 0);
         let corner = |i: usize, c: usize| {
             let at = |k: usize| rng.uniform((9 * i + 3 * c + k) as u64);
@@ -348,7 +348,7 @@ mod tests {
             sh_degree: 0,
             ..Soup::default()
         };
-        TrainState::new(Params::from_soup(&soup, 1))
+        OptimizerState::new(Params::from_soup(&soup, 1))
     }
 
     /// Statistics in which every triangle was visible in all `photos` photos.

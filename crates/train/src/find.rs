@@ -35,7 +35,7 @@ const MIN_PER_PHOTO: usize = 10;
 /// # Errors
 ///
 /// Photos that cannot be decoded.
-pub fn find_points(dataset: &mut Dataset, photo_bytes: u64) -> Result<()> {
+pub fn reconstruct_points(dataset: &mut Dataset, photo_bytes: u64) -> Result<()> {
     if !dataset.points.is_empty() || dataset.kind == DatasetKind::Drawn {
         return Ok(());
     }
@@ -119,7 +119,7 @@ fn looked_at(photos: &[Grey], usual: f32) -> Vec<Seed> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{TrainOptions, TrainRun};
+    use crate::{TrainInputs, TrainOptions};
     use std::ops::ControlFlow::Continue;
     use trisplat_dataset::DatasetOptions;
     use trisplat_synthetic::{Ray, SyntheticOptions, trace};
@@ -138,7 +138,8 @@ mod tests {
     fn found_by(threads: usize, dataset: &Dataset) -> Dataset {
         let mut found = dataset.clone();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| find_points(&mut found, DatasetOptions::default().photo_bytes())).unwrap();
+        pool.install(|| reconstruct_points(&mut found, DatasetOptions::default().photo_bytes()))
+            .unwrap();
         found
     }
 
@@ -171,7 +172,7 @@ mod tests {
 
         let options = TrainOptions { steps: 200, max_triangles: 2000, ..TrainOptions::default() };
         let [random, found] = [&dataset, &found].map(|dataset| {
-            let trained = TrainRun::new(dataset, &options).run(&mut |_| Continue(())).unwrap();
+            let trained = TrainInputs::new(dataset, &options).run(&mut |_| Continue(())).unwrap();
             assert!(trained.soup.shell_count() >= 128, "closed all around");
             trained.scores.iter().map(|score| score.psnr).sum::<f64>() / trained.scores.len() as f64
         });

@@ -7,7 +7,7 @@
 //! lie behind it. A triangle that lies a little off its points moves towards them.
 
 use super::grow::{Grey, KnownPoint, Seed, grow};
-use super::params::{Params, TrainState};
+use super::params::{OptimizerState, Params};
 use super::pyramid::Pyramid;
 use super::start::is_among;
 use super::visibility::VisibilityStats;
@@ -122,7 +122,7 @@ impl KnownDepth {
         cameras: &[Camera],
     ) -> Vec<Seed> {
         let is_usable = |(i, point): &(usize, &Point)| {
-            !Dataset::judges_depth(*i) && point.error.is_none_or(|error| error <= MAX_ERROR)
+            !Dataset::is_validation_point(*i) && point.error.is_none_or(|error| error <= MAX_ERROR)
         };
         let mut numbers = vec![None; dataset.points.len()];
         let mut seeds = Vec::new();
@@ -247,7 +247,7 @@ impl KnownDepth {
     /// the photos. Pinned ones neither block nor move, and others move only if `pull`.
     pub(crate) fn repair(
         &self,
-        state: &TrainState,
+        state: &OptimizerState,
         alive: &[bool],
         visibility: &VisibilityStats,
         eyes: &[Vec3],
@@ -300,7 +300,7 @@ impl KnownDepth {
 
     /// How far each triangle is to move along its normal, by the mean over its rays, for photos see
     /// it a little before or behind its points. `[N]`
-    fn moves(&self, seen: &[Seen], state: &TrainState, eyes: &[Vec3]) -> Vec<Vec3> {
+    fn moves(&self, seen: &[Seen], state: &OptimizerState, eyes: &[Vec3]) -> Vec<Vec3> {
         let mut sums = vec![(Vec3::ZERO, 0.0f32); state.params.len()];
         for (&(photo, point), seen) in self.rays.iter().zip(seen) {
             let Some((face, error)) = seen.filter(|(_, error)| error.abs() <= NEARLY_RIGHT) else {
@@ -408,9 +408,9 @@ mod tests {
         [Vec3::new(-9.0, -9.0, z), Vec3::new(9.0, -9.0, z), Vec3::new(0.0, 9.0, z)]
     }
 
-    fn state(vertices: &[[Vec3; 3]]) -> TrainState {
+    fn state(vertices: &[[Vec3; 3]]) -> OptimizerState {
         let n = vertices.len();
-        TrainState::new(Params {
+        OptimizerState::new(Params {
             vertices: vertices.to_vec(),
             opacity: vec![6.0; n],
             sigma: vec![-3.0; n],
@@ -419,7 +419,7 @@ mod tests {
         })
     }
 
-    fn repair(known: &KnownDepth, state: &TrainState, views: u32) -> DepthRepair {
+    fn repair(known: &KnownDepth, state: &OptimizerState, views: u32) -> DepthRepair {
         let mut visibility = VisibilityStats::new(state.params.len(), 3);
         visibility.views.fill(views);
         let eyes = [Vec3::ZERO, Vec3::X * 0.2, Vec3::Y * 0.2];
@@ -431,7 +431,7 @@ mod tests {
         for (z, pinned, wanted) in
             [(2.04, 0, -0.02), (1.96, 0, 0.02), (2.2, 0, 0.0), (2.04, 1, 0.0)]
         {
-            let state = TrainState { pinned, ..state(&[across(z)]) };
+            let state = OptimizerState { pinned, ..state(&[across(z)]) };
             let moves = repair(&known(), &state, 3).moves;
             assert!(
                 moves.len() == 1 && moves[0].distance(wanted * Vec3::Z) < 1e-5,
@@ -472,7 +472,10 @@ mod tests {
             [false, false],
             "7 photos show it, 3 see a point behind it"
         );
-        assert_eq!(repair(&known, &TrainState { pinned: 1, ..scene }, 3).blocks, [false, false]);
+        assert_eq!(
+            repair(&known, &OptimizerState { pinned: 1, ..scene }, 3).blocks,
+            [false, false]
+        );
         let alone = KnownDepth { rays: (0..9).map(|point| (0, point)).collect(), ..known };
         assert_eq!(
             repair(&alone, &state(&[across(1.0)]), 1).blocks,

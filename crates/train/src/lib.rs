@@ -5,7 +5,7 @@
 //!                        schedule: rates, sizes, SH      visibility: complete passes
 //! ```
 //!
-//! [`TrainRun`] is one run, with its checkpoints, previews and curve; the crate `trisplat-job`
+//! [`TrainInputs`] is one run, with its checkpoints, previews and curve; the crate `trisplat-job`
 //! decides the options of a run.
 //!
 //! Sources, as the docs of this folder name them:
@@ -56,7 +56,7 @@ pub use densify::Densified;
 pub use device::{BackendKind, BackendOptions};
 pub use eval::{EvalScene, PhotoScore, Quality, SOLID_SAMPLES, TrainSample};
 pub use exposure::solve_exposures;
-pub use find::find_points;
+pub use find::reconstruct_points;
 #[cfg(feature = "gpu")]
 pub use gpu::{CardScene, GpuBackend, GpuLimits};
 pub use identity::{PhotoIdentity, RunIdentity};
@@ -64,11 +64,11 @@ pub use options::{
     DensifyOptions, InitOptions, REFERENCE_STEPS, SampleWeight, TrainOptions, TrainPreset,
 };
 pub use outputs::{TrainEvent, TrainObserver};
-pub use params::{Anneal, Core, Params, TrainState};
-pub use run::speed;
+pub use params::{Anneal, Core, OptimizerState, Params};
+pub use run::measure_speed;
 pub use schedule::{Schedule, StepParams};
 pub use shell::shell_around;
-pub use start::{PREVIEW, Part, Preview, RunOptions, TrainRun};
+pub use start::{PREVIEW_PREFIX, Preview, TrainInputs, TrainOutputs, TrainedPart};
 pub use trained::{TrainDetails, Trained};
 pub use training::Training;
 pub use trisplat_dataset::exposure::ExposureDetails;

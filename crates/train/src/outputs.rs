@@ -5,7 +5,7 @@ use super::budget::{Correction, Spending};
 use super::checkpoint;
 use super::densify::Densified;
 use super::eval::{Evaluator, PhotoScore, Quality, TrainSample};
-use super::start::{PREVIEW, Preview};
+use super::start::{PREVIEW_PREFIX, Preview};
 use super::training::Training;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -162,8 +162,8 @@ impl<'a> Recorder<'a> {
 
     /// Draws a preview, if one is due.
     pub(super) fn preview(&mut self, training: &mut Training<'_>) {
-        let Some(Preview { folder, pause }) = training.outputs.preview.clone() else { return };
-        if self.previewed.elapsed() < pause || self.evaluator.views.is_empty() {
+        let Some(Preview { folder, interval }) = training.outputs.preview.clone() else { return };
+        if self.previewed.elapsed() < interval || self.evaluator.views.is_empty() {
             return;
         }
         self.previewed = Instant::now();
@@ -174,7 +174,9 @@ impl<'a> Recorder<'a> {
             let space = training.space();
             let drawing = training.drawing();
             match run.evaluator.first_picture(&soup, &space, &drawing) {
-                Some(picture) => picture.save_png(folder.join(format!("{PREVIEW}{step:06}.png"))),
+                Some(picture) => {
+                    picture.save_png(folder.join(format!("{PREVIEW_PREFIX}{step:06}.png")))
+                }
                 None => Ok(()),
             }
         });

@@ -181,7 +181,7 @@ impl Params {
 
 /// Parameters with Adam's moments: the whole state of the optimiser.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct TrainState {
+pub struct OptimizerState {
     /// The parameters.
     pub params: Params,
     /// First moments, shaped like the parameters.
@@ -196,7 +196,7 @@ pub struct TrainState {
     pub frozen: usize,
 }
 
-impl TrainState {
+impl OptimizerState {
     /// Fresh moments for `params`.
     pub fn new(params: Params) -> Self {
         let zero = Params {
@@ -210,7 +210,7 @@ impl TrainState {
     }
 
     /// Appends triangle `i` of `from` with its moments.
-    pub fn push(&mut self, from: &TrainState, i: usize) {
+    pub fn push(&mut self, from: &OptimizerState, i: usize) {
         self.params.push(&from.params, i);
         self.first.push(&from.first, i);
         self.second.push(&from.second, i);

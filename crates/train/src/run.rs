@@ -1,7 +1,7 @@
 //! A whole run, from a data set or a checkpoint to a trained scene.
 
 use super::backend::{RunSize, TrainBackend};
-use super::budget::{Paced, Spending, step_secs};
+use super::budget::{BudgetControl, Spending, step_secs};
 use super::checkpoint::CheckpointMeta;
 use super::cpu::CpuBackend;
 use super::device::BackendOptions;
@@ -9,7 +9,7 @@ use super::eval::{TrainSample, solid_samples};
 use super::options::{REFERENCE_STEPS, TrainOptions, WarmupOptions};
 use super::outputs::{Recorder, TrainEvent, TrainObserver};
 use super::pyramid::{MIN_PX, size_at};
-use super::start::TrainRun;
+use super::start::TrainInputs;
 use super::trained::{Trained, provenance};
 use super::training::Training;
 use std::path::PathBuf;
@@ -19,7 +19,7 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::report::generator;
 use trisplat_scene::{Error, ImportedScene, Provenance, Result, Soup};
 
-impl<'a> TrainRun<'a> {
+impl<'a> TrainInputs<'a> {
     /// Sets the run up on the CPU, with the first triangles and before the first step.
     ///
     /// # Errors
@@ -27,29 +27,29 @@ impl<'a> TrainRun<'a> {
     /// Options out of range, no training photos, a checkpoint of another run.
     pub fn start(self) -> Result<Training<'a>> {
         let backend = CpuBackend::new(self.drawing());
-        self.start_on(Box::new(backend))
+        self.start_with(Box::new(backend))
     }
 
-    /// [`TrainRun::start`] on the device of `place`, or on the CPU with a budget.
+    /// [`TrainInputs::start`] on the device of `place`, or on the CPU with a budget.
     ///
     /// # Errors
     ///
-    /// Those of [`TrainRun::start`]; `gpu` without a matching card, with one that cannot be opened,
+    /// Those of [`TrainInputs::start`]; `gpu` without a matching card, with one that cannot be opened,
     /// or with a budget.
-    pub fn start_at(self, place: &BackendOptions) -> Result<Training<'a>> {
+    pub fn start_on(self, place: &BackendOptions) -> Result<Training<'a>> {
         let has_budget =
             self.paced.is_some() || self.resumed().is_some_and(|meta| meta.pace.is_some());
         let place = if has_budget { place.of_budget()? } else { place.clone() };
         let (backend, card, mut warnings) = place.open(self.drawing(), self.size())?;
-        let mut training = self.start_on(backend)?;
+        let mut training = self.start_with(backend)?;
         warnings.append(&mut training.warnings);
         training.card = card;
         training.warnings = warnings;
         Ok(training)
     }
 
-    /// [`TrainRun::start`] on a backend with the options of [`TrainRun::drawing`].
-    pub fn start_on(self, backend: Box<dyn TrainBackend + 'a>) -> Result<Training<'a>> {
+    /// [`TrainInputs::start`] on a backend with the options of [`TrainInputs::drawing`].
+    pub fn start_with(self, backend: Box<dyn TrainBackend + 'a>) -> Result<Training<'a>> {
         Training::new(self, backend)
     }
 
@@ -94,7 +94,7 @@ impl<'a> TrainRun<'a> {
     ///
     /// # Errors
     ///
-    /// Those of [`TrainRun::start`], photos that cannot be decoded. Checkpoints and previews that
+    /// Those of [`TrainInputs::start`], photos that cannot be decoded. Checkpoints and previews that
     /// cannot be written are in [`Trained::lost`].
     pub fn run(self, observer: TrainObserver<'_>) -> Result<Trained> {
         self.start()?.finish(observer)
@@ -125,7 +125,7 @@ impl Training<'_> {
             cameras,
             steps: meta.step,
             options: meta.options,
-            paced: meta.pace.zip(spending).map(|(pace, spending)| Paced { pace, spending }),
+            paced: meta.pace.zip(spending).map(|(pace, spending)| BudgetControl { pace, spending }),
             curve: meta.curve,
             scores,
             samples,
@@ -308,8 +308,8 @@ const MEASURED_STEPS: u64 = 200;
 ///
 /// # Errors
 ///
-/// Those of [`TrainRun::start`]; photos that cannot be decoded; a system without CPU time.
-pub fn speed(
+/// Those of [`TrainInputs::start`]; photos that cannot be decoded; a system without CPU time.
+pub fn measure_speed(
     dataset: &Dataset,
     from: Option<&ImportedScene>,
     options: &TrainOptions,
@@ -326,7 +326,7 @@ pub fn speed(
     let warmup = WarmupOptions { quarter_until: 0.0, half_until: REFERENCE_STEPS };
     let options = TrainOptions { steps, milestones: [0; 4], warmup, ..options.clone() };
     let mut run =
-        TrainRun { background, photo_bytes: u64::MAX, ..TrainRun::new(&dataset, &options) };
+        TrainInputs { background, photo_bytes: u64::MAX, ..TrainInputs::new(&dataset, &options) };
     run.from = from.cloned();
     let mut training = run.start()?;
     // The first step allocates.

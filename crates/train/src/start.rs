@@ -1,12 +1,12 @@
 //! The state before the first step: triangles at the points of a data set, or those of a scene.
 
-use super::budget::Paced;
+use super::budget::BudgetControl;
 use super::checkpoint::{Checkpoint, CheckpointMeta};
 use super::exposure::ExposureEstimates;
 use super::identity::RunIdentity;
 use super::init::{InitPoint, first_soup};
 use super::options::TrainOptions;
-use super::params::{Core, Params, TrainState};
+use super::params::{Core, OptimizerState, Params};
 use super::pyramid::Pyramid;
 use super::schedule::Schedule;
 use super::shell;
@@ -25,7 +25,7 @@ const RANDOM_POINTS: usize = 10_000;
 
 /// A run that trains a part of a scene, in agreement with the runs of the other parts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Part {
+pub struct TrainedPart {
     /// Training space of the whole scene, so that lengths and rates agree in all parts.
     pub space: SceneNormalization,
     /// Number of triangles at the front of the starting scene that are drawn but not trained;
@@ -39,7 +39,7 @@ pub struct Part {
 
 /// The outputs during a run; none of them changes the result.
 #[derive(Debug, Clone, Default)]
-pub struct RunOptions {
+pub struct TrainOutputs {
     /// Where checkpoints go.
     pub checkpoint: Option<PathBuf>,
     /// Number of last checkpoints to keep, in separate files; 0 means 1.
@@ -56,26 +56,26 @@ pub struct RunOptions {
     pub max_cpu_secs: f64,
 }
 
-/// The beginning of the names of previews.
-pub const PREVIEW: &str = "step-";
+/// Prefix of the file names of previews.
+pub const PREVIEW_PREFIX: &str = "step-";
 
 /// Pictures of the first held-out photo while a scene trains.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Preview {
     /// Their folder; files are called `step-000500.png`.
     pub folder: PathBuf,
-    /// Time between two of them.
-    pub pause: Duration,
+    /// Time between two previews.
+    pub interval: Duration,
 }
 
-/// All inputs of a run. [`TrainRun::new`] has the plain values; any field can be set before the
+/// All inputs of a run. [`TrainInputs::new`] has the plain values; any field can be set before the
 /// start.
 ///
 /// ```
 /// use std::ops::ControlFlow::Continue;
 /// use trisplat_synthetic::SyntheticOptions;
 /// use trisplat_dataset::{Dataset, DatasetOptions};
-/// use trisplat_train::{RunOptions, TrainOptions, TrainRun, checkpoint};
+/// use trisplat_train::{TrainOutputs, TrainOptions, TrainInputs, checkpoint};
 ///
 /// let folder = tempfile::tempdir().unwrap();
 /// trisplat_synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
@@ -84,16 +84,16 @@ pub struct Preview {
 ///
 /// // A run that writes checkpoints ...
 /// let path = folder.path().join("scene.checkpoint");
-/// let outputs = RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 10, ..RunOptions::default() };
-/// let trained = TrainRun { outputs, ..TrainRun::new(&dataset, &options) }.run(&mut |_| Continue(()))?;
+/// let outputs = TrainOutputs { checkpoint: Some(path.clone()), checkpoint_every: 10, ..TrainOutputs::default() };
+/// let trained = TrainInputs { outputs, ..TrainInputs::new(&dataset, &options) }.run(&mut |_| Continue(()))?;
 ///
 /// // ... and one that goes on from the last of them: the same bits, since it was made after the last step.
-/// let resumed = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path)?).run(&mut |_| Continue(()))?;
+/// let resumed = TrainInputs::from_checkpoint(&dataset, checkpoint::read(&path)?).run(&mut |_| Continue(()))?;
 /// assert_eq!(trained.soup, resumed.soup);
 /// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 #[derive(Debug, Clone)]
-pub struct TrainRun<'a> {
+pub struct TrainInputs<'a> {
     /// The photos; those held out evaluate the scene.
     pub dataset: &'a Dataset,
     /// The options of the training; a resumed run has those of its checkpoint.
@@ -103,22 +103,22 @@ pub struct TrainRun<'a> {
     /// Memory for decoded photos, bytes; others are kept on disk.
     pub photo_bytes: u64,
     /// The outputs during the run.
-    pub outputs: RunOptions,
+    pub outputs: TrainOutputs,
     /// The scene to start from instead of the data set's points, as a reader returns it; suitable
     /// options are those of [`TrainOptions::from_scene`].
     pub from: Option<ImportedScene>,
     /// Whether that scene may have more triangles than `max_triangles`: a solid run cuts it as it
     /// goes on, by up to a tenth per densification, and has some left if it ends before.
-    pub cut_from: bool,
+    pub shrink_initial_scene: bool,
     /// The part of that scene to train, if not all; a resumed run has the part of its checkpoint.
-    pub part: Option<Part>,
+    pub part: Option<TrainedPart>,
     /// End after this step, without finishing the schedule. `None`: after the last step.
     pub until_step: Option<u64>,
     /// The checkpoint to resume from.
     pub resume: Option<Checkpoint>,
     /// Keeps the run to a budget; `None` makes the steps of the options. A resumed run has the pace
     /// of its checkpoint, and its spending is counted from here.
-    pub paced: Option<Paced>,
+    pub paced: Option<BudgetControl>,
     /// Start of the process that resumes a run with a budget; `None`: now.
     pub began: Option<Instant>,
     /// Resume even if photos, cameras, points or the background differ from those of the
@@ -126,7 +126,7 @@ pub struct TrainRun<'a> {
     pub force_resume: bool,
 }
 
-impl<'a> TrainRun<'a> {
+impl<'a> TrainInputs<'a> {
     /// A run from its beginning without outputs, with the background and the memory for photos of
     /// [`DatasetOptions::default`].
     pub fn new(dataset: &'a Dataset, options: &TrainOptions) -> Self {
@@ -135,9 +135,9 @@ impl<'a> TrainRun<'a> {
             options: options.clone(),
             background: [0.0; 3],
             photo_bytes: 0,
-            outputs: RunOptions::default(),
+            outputs: TrainOutputs::default(),
             from: None,
-            cut_from: false,
+            shrink_initial_scene: false,
             part: None,
             until_step: None,
             resume: None,
@@ -169,7 +169,7 @@ impl<'a> TrainRun<'a> {
 /// Those of [`from_points`] and [`from_scene`].
 pub(super) fn first(
     views: &[&View],
-    run: &TrainRun<'_>,
+    run: &TrainInputs<'_>,
     identity: RunIdentity,
     photos: &mut Pyramid,
 ) -> Result<Checkpoint> {
@@ -207,7 +207,8 @@ pub(super) fn first(
 /// result.
 fn not_judging(dataset: &Dataset) -> Cow<'_, [Point]> {
     if dataset.has_tracks() {
-        let kept = dataset.points.iter().enumerate().filter(|(i, _)| !Dataset::judges_depth(*i));
+        let kept =
+            dataset.points.iter().enumerate().filter(|(i, _)| !Dataset::is_validation_point(*i));
         Cow::Owned(kept.map(|(_, point)| *point).collect())
     } else {
         Cow::Borrowed(&dataset.points)
@@ -225,7 +226,7 @@ fn from_points(
     points: &[Point],
     photos: &mut Pyramid,
     options: &TrainOptions,
-) -> Result<(SceneNormalization, TrainState)> {
+) -> Result<(SceneNormalization, OptimizerState)> {
     let random;
     let cloud = if points.is_empty() {
         random = random_points(views, RANDOM_POINTS, options.seed);
@@ -263,7 +264,10 @@ fn from_points(
     soup.append(first);
     Ok((
         space,
-        TrainState { pinned, ..TrainState::new(Params::from_soup(&soup, options.sh_degree)) },
+        OptimizerState {
+            pinned,
+            ..OptimizerState::new(Params::from_soup(&soup, options.sh_degree))
+        },
     ))
 }
 
@@ -292,9 +296,9 @@ pub(super) fn is_among(i: usize, most: usize, count: usize) -> bool {
 fn from_scene(
     views: &[&View],
     scene: &ImportedScene,
-    run: &TrainRun<'_>,
-) -> Result<(SceneNormalization, TrainState)> {
-    let TrainRun { dataset, options, part, .. } = run;
+    run: &TrainInputs<'_>,
+) -> Result<(SceneNormalization, OptimizerState)> {
+    let TrainInputs { dataset, options, part, .. } = run;
     let frozen = part.map_or(0, |part| part.frozen);
     let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
     // Pictures drawn of the scene are in the frame of its file.
@@ -311,11 +315,12 @@ fn from_scene(
     };
     let space =
         part.map_or_else(|| SceneNormalization::new(&cameras, &positions()), |part| part.space);
-    let most = (!run.cut_from).then_some(options.max_triangles.saturating_add(frozen as u64));
+    let most =
+        (!run.shrink_initial_scene).then_some(options.max_triangles.saturating_add(frozen as u64));
     let mut soup = placed_soup(scene, &placement, dataset.origin, &space, most)?;
     // Those of a part come in this order: frozen ones, its part of the shell, the rest.
     let shell = if part.is_some() { soup.shell_count() } else { soup.put_shell_first() };
-    let mut state = TrainState::new(Params::from_soup(&soup, options.sh_degree));
+    let mut state = OptimizerState::new(Params::from_soup(&soup, options.sh_degree));
     state.frozen = frozen.min(soup.len());
     state.pinned = (frozen + shell).min(soup.len());
     let first_step = part.map_or(0, |part| part.first_step).min(options.steps.saturating_sub(1));

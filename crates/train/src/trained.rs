@@ -1,6 +1,6 @@
 //! The result of a run: the scene, its figures, and its file.
 
-use super::budget::{BudgetDetails, Paced};
+use super::budget::{BudgetControl, BudgetDetails};
 use super::eval::{PhotoScore, Quality, TrainSample};
 use super::options::TrainOptions;
 use schemars::JsonSchema;
@@ -28,7 +28,7 @@ pub struct Trained {
     /// The options of the run; with a budget, the final steps and milestones.
     pub options: TrainOptions,
     /// The control of the budget, if the run had one.
-    pub paced: Option<Paced>,
+    pub paced: Option<BudgetControl>,
     /// The curve.
     pub curve: Vec<TrainSample>,
     /// The held-out photos at the end.
@@ -158,7 +158,7 @@ impl Trained {
 
     /// The use of the budget so far; `None` without one.
     pub fn budget(&self) -> Option<BudgetDetails> {
-        let Paced { pace, spending } = self.paced.as_ref()?;
+        let BudgetControl { pace, spending } = self.paced.as_ref()?;
         Some(pace.details(spending.seconds(), &self.options))
     }
 

@@ -7,10 +7,10 @@ use super::eval::{TrainSample, solid_samples};
 use super::identity::RunIdentity;
 use super::known::KnownDepth;
 use super::options::TrainOptions;
-use super::params::{Anneal, TrainState};
+use super::params::{Anneal, OptimizerState};
 use super::pyramid::{MIN_PX, Pyramid, order};
 use super::schedule::Schedule;
-use super::start::{self, RunOptions, TrainRun};
+use super::start::{self, TrainInputs, TrainOutputs};
 use super::visibility::VisibilityStats;
 use glam::Vec3;
 use std::sync::Arc;
@@ -39,7 +39,7 @@ pub struct Training<'a> {
     /// Provenance and cameras of the scene that teaches itself.
     pub(super) taught: Option<(Provenance, Vec<Camera>)>,
     pub(super) drawing: SoftOptions,
-    pub(super) outputs: RunOptions,
+    pub(super) outputs: TrainOutputs,
     pub(super) until_step: u64,
     /// Memory for the held-out photos.
     pub(super) held_out_bytes: u64,
@@ -70,7 +70,7 @@ struct LoadedAt {
 }
 
 impl<'a> Training<'a> {
-    /// Sets `run` up on a backend with the options of [`TrainRun::drawing`]: from its checkpoint,
+    /// Sets `run` up on a backend with the options of [`TrainInputs::drawing`]: from its checkpoint,
     /// the triangles of a scene, all or a part of them, or the points of the data set. Photos that
     /// a resumed run has used are decoded here, once.
     ///
@@ -78,7 +78,10 @@ impl<'a> Training<'a> {
     ///
     /// Options out of range, no training photos, a scene of more triangles than the options permit;
     /// a checkpoint with training photos of other names or, unless forced, any other difference.
-    pub(super) fn new(mut run: TrainRun<'a>, backend: Box<dyn TrainBackend + 'a>) -> Result<Self> {
+    pub(super) fn new(
+        mut run: TrainInputs<'a>,
+        backend: Box<dyn TrainBackend + 'a>,
+    ) -> Result<Self> {
         let dataset = run.dataset;
         let drawing = run.drawing();
         let (photo_bytes, held_out_bytes) = shares(dataset, run.photo_bytes);
@@ -146,7 +149,7 @@ impl<'a> Training<'a> {
     }
 
     /// Gives the present state to the backend.
-    fn load(&mut self, state: TrainState) -> Result<()> {
+    fn load(&mut self, state: OptimizerState) -> Result<()> {
         if self.backend.can_be_lost() {
             let visibility = self.visibility.clone();
             self.loaded =
@@ -399,7 +402,7 @@ impl<'a> Training<'a> {
     }
 
     /// Moves the state and its data out of the backend.
-    fn take_state(&mut self) -> Result<TrainState> {
+    fn take_state(&mut self) -> Result<OptimizerState> {
         self.collect_visibility()?;
         self.collect_figures(true)?;
         self.backend.store()

@@ -1,6 +1,6 @@
 //! One update of all parameters: chain rules, regularisers of single triangles, Adam.
 
-use super::params::{Params, TrainState};
+use super::params::{OptimizerState, Params};
 use super::schedule::StepParams;
 use glam::Vec3;
 use trisplat_raster::kernel::{Rate, adam};
@@ -31,7 +31,7 @@ pub(crate) struct Regularisers {
 
 impl Regularisers {
     /// The gradients at these parameters.
-    pub(crate) fn new(state: &TrainState, rates: &StepParams) -> Self {
+    pub(crate) fn new(state: &OptimizerState, rates: &StepParams) -> Self {
         // Pinned triangles do not change: they do not count.
         let params = &state.params;
         let pinned = state.pinned;
@@ -79,7 +79,7 @@ fn area_grad(v: &[Vec3; 3], d_area: f32) -> [Vec3; 3] {
 /// Updates `state` by `gradient`. Returns how many triangles had a gradient, and how many of these
 /// were not finite; such triangles keep their parameters in this step.
 pub(crate) fn update(
-    state: &mut TrainState,
+    state: &mut OptimizerState,
     gradient: &SoupGrad,
     rates: &StepParams,
     regularisers: &Regularisers,
@@ -253,7 +253,7 @@ mod tests {
 
     /// Four equal triangles of SH degree 1, a gradient for each of their numbers, and the rates of
     /// a first step.
-    fn four_triangles() -> (TrainState, SoupGrad, StepParams) {
+    fn four_triangles() -> (OptimizerState, SoupGrad, StepParams) {
         let params = Params {
             vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; 4],
             opacity: vec![0.0; 4],
@@ -271,7 +271,7 @@ mod tests {
         };
         let options = TrainOptions::preset(TrainPreset::Outdoor);
         let rates = crate::schedule::Schedule::new(&options).rates(0);
-        (TrainState::new(params), gradient, StepParams { sh_degree: 1, ..rates })
+        (OptimizerState::new(params), gradient, StepParams { sh_degree: 1, ..rates })
     }
 
     #[test]

@@ -10,7 +10,7 @@ use super::uniform::{
     GEOMETRY_SLOT_NUMBERS, Look, PendingStep, StepPlan, StepUniform, first_counts,
 };
 use crate::backend::{BackendVisibility, RunSize, StepPhoto, StepStats, TrainBackend};
-use crate::params::{Params, TrainState};
+use crate::params::{OptimizerState, Params};
 use crate::schedule::StepParams;
 use std::borrow::Cow;
 use std::collections::VecDeque;
@@ -54,7 +54,7 @@ pub struct GpuBackend {
     figures: Vec<StepStats>,
     repeats: u64,
     /// The last loaded state, which survives the loss of the card.
-    loaded: Option<TrainState>,
+    loaded: Option<OptimizerState>,
     /// Why begun steps will never finish.
     failure: Option<String>,
 }
@@ -327,7 +327,7 @@ impl GpuBackend {
 }
 
 impl TrainBackend for GpuBackend {
-    fn load(&mut self, state: TrainState) -> Result<()> {
+    fn load(&mut self, state: OptimizerState) -> Result<()> {
         let lost = self.check();
         self.loaded = Some(state);
         lost?;
@@ -335,7 +335,7 @@ impl TrainBackend for GpuBackend {
         self.failed(loaded)
     }
 
-    fn store(&mut self) -> Result<TrainState> {
+    fn store(&mut self) -> Result<OptimizerState> {
         self.settle_all()?;
         let state = self.scene()?.store(&self.gpu)?;
         self.scene = None;
@@ -353,7 +353,7 @@ impl TrainBackend for GpuBackend {
         true
     }
 
-    fn rescued(&mut self) -> Option<TrainState> {
+    fn rescued(&mut self) -> Option<OptimizerState> {
         self.loaded.take()
     }
 

@@ -4,7 +4,7 @@ use super::gpu_backend::GpuBackend;
 use super::step_buffers::{GpuLimits, StepCapacity, missing_capacity};
 use super::uniform::{Look, SceneShape, StepPlan, StepUniform, first_counts};
 use crate::backend::TrainBackend;
-use crate::params::{Params, TrainState};
+use crate::params::{OptimizerState, Params};
 use trisplat_gpu::Gpu;
 use trisplat_gpu::readback::elements;
 use trisplat_raster::soft::{Frame, SoftOptions};
@@ -35,7 +35,7 @@ impl CardScene {
         let look = Look { anneal: None, frozen_flat: false, sh_degree };
         let params = Params { vertices, opacity, sigma, sh, sh_degree };
         let mut backend = GpuBackend::new(gpu, SoftOptions::default(), limits)?;
-        backend.load(TrainState { params, ..TrainState::default() })?;
+        backend.load(OptimizerState { params, ..OptimizerState::default() })?;
         Ok(Self { backend, look })
     }
 

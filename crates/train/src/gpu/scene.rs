@@ -3,7 +3,7 @@
 use super::limits::{GROUP, REMEDY};
 use super::uniform::{PhotoSource, SceneShape};
 use crate::backend::{BackendVisibility, PhotoId, StepPhoto};
-use crate::params::{Params, TrainState};
+use crate::params::{OptimizerState, Params};
 use glam::Vec3;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -48,7 +48,7 @@ const UPLOAD_BYTES: usize = 64 << 20;
 
 impl SceneBuffers {
     /// Moves a state to the card, in chunks whose rows take `binding_bytes` at most.
-    pub(super) fn load(gpu: &Gpu, state: &TrainState, binding_bytes: u64) -> Result<Self> {
+    pub(super) fn load(gpu: &Gpu, state: &OptimizerState, binding_bytes: u64) -> Result<Self> {
         let count = |n: usize| {
             u32::try_from(n).map_err(|_| {
                 Error::invalid("max_triangles", n, "fewer than 4294967296 on the card")
@@ -96,8 +96,8 @@ impl SceneBuffers {
     }
 
     /// Reads the state back.
-    pub(super) fn store(&self, gpu: &Gpu) -> Result<TrainState> {
-        Ok(TrainState {
+    pub(super) fn store(&self, gpu: &Gpu) -> Result<OptimizerState> {
+        Ok(OptimizerState {
             params: self.params(gpu)?,
             first: self.read(gpu, |chunk| &chunk.first_moments)?,
             second: self.read(gpu, |chunk| &chunk.second_moments)?,
