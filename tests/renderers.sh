@@ -3,7 +3,7 @@
 # Usage: tests/renderers.sh FILE DATASET [FOLDER]   (FOLDER: where to keep the pictures)
 #
 # tests/run.sh installs Chromium and f3d under target/judges; one that is missing is left out, loudly.
-# Fails when a renderer is more than 0.3 dB from ours. docs/benchmarks/renderers.md holds results.
+# Fails when a renderer is more than 0.3 dB from ours. docs/benchmarks/figures.md holds results.
 set -euo pipefail
 [ $# -ge 2 ] || { sed -n '2,4p' "$0" >&2; exit 2; }
 TRISPLAT_FILE=$(realpath "$1")

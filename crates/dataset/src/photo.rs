@@ -180,7 +180,7 @@ impl Photo {
             let size = self.crop.map_or(self.size, |crop| crop.whole);
             let ratio = size.as_dvec2() / whole.as_dvec2();
             // Averages of at least two by two pixels are those of the whole photo, closely
-            // (docs/benchmarks/capture.md).
+            // (docs/benchmarks/figures.md).
             let least = (2.0 * self.stored.as_dvec2() * ratio).ceil().as_uvec2();
             return RgbImage::load_reduced(&self.path, least, &self.limits);
         }

@@ -13,7 +13,7 @@ use trisplat_scene::{Asset, Error, Result, Seconds};
 use trisplat_train::TrainOptions;
 
 /// CPU time for a scene of photos alone. More gains nothing: the surface has far fewer triangles
-/// than any scene (docs/benchmarks/texture.md).
+/// than any scene (docs/benchmarks/figures.md).
 const TRAINING: Seconds = Seconds(30.0);
 
 /// What a surface is made of. [`MeshJob::new`] has the plain values; any field can be set before

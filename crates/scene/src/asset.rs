@@ -58,7 +58,7 @@ pub struct Tile {
 impl Tile {
     /// A level of detail suffices while its median triangle is this many times smaller than the
     /// error that a viewer permits: 2 px with the usual 16 px of 3D Tiles. Chosen by comparing
-    /// pictures of levels with those of the whole scene (docs/benchmarks/tiles.md).
+    /// pictures of levels with those of the whole scene (docs/benchmarks/figures.md).
     const ERROR_PER_DETAIL: f64 = 8.0;
 
     /// The error of the tile's level of detail, in the units of its [detail](Mesh::detail).

@@ -411,7 +411,7 @@ impl<'a> Training<'a> {
 
 /// The background of an object at a step, sRGB-encoded: each channel is 0 or 255. Colours between
 /// are nearer to the object's, and so tell less about where it ends: files are up to 0.5 dB worse
-/// with them (docs/benchmarks/background.md).
+/// with them (docs/benchmarks/figures.md).
 fn background(seed: u64, step: u64) -> [u8; 3] {
     let rng = Rng::new(seed, "background", step);
     [0, 1, 2].map(|channel| if rng.uniform(channel) < 0.5 { 0 } else { 255 })

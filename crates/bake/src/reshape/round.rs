@@ -187,7 +187,7 @@ impl PictureSums<'_> {
 
 /// Preferred number of pictures per round; the next round uses others if there are more. A round
 /// judges each triangle alone, so few pictures mislead it: with 12, scenes of 8,000 to 20,000
-/// triangles lost up to 1.9 dB (docs/benchmarks/reshape.md).
+/// triangles lost up to 1.9 dB (docs/benchmarks/history.md).
 const ROUND_VIEWS: u64 = 48;
 /// Longest side of the pictures, px: finer detail is not fitted.
 const LONGEST_SIDE: u32 = 960;
