@@ -28,7 +28,8 @@ pub use finish::{far_origin, is_far};
 pub use format::{Format, foreign_json};
 pub use output::OutputOptions;
 pub use read::{
-    Content, WrittenFiles, holds_splats, named_files, read, read_bytes, read_content, write,
+    Content, WrittenFiles, holds_splats, named_files, read, read_bytes, read_content,
+    read_content_bytes, write,
 };
 pub use source::{ReadOptions, Source, unzipped_sog};
 pub use splats::cameras::read_cameras;

@@ -70,9 +70,13 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<ImportedScene> {
 /// # Errors
 /// As [`read`]; files beside it, as of a .gltf with a buffer of its own, are not found.
 pub fn read_bytes(bytes: &[u8], format: Format, options: &ReadOptions) -> Result<ImportedScene> {
+    read_as(format, source_of_bytes(bytes, &options.limits)?, options)
+}
+
+fn source_of_bytes(bytes: &[u8], limits: &Limits) -> Result<Source> {
     let path = PathBuf::from("<bytes>");
-    let (file, len) = input::spool(&path, &mut &*bytes, &options.limits)?;
-    read_as(format, Source { path, file: Arc::new(file), len }, options)
+    let (file, len) = input::spool(&path, &mut &*bytes, limits)?;
+    Ok(Source { path, file: Arc::new(file), len })
 }
 
 /// The scene in an open file of that format.
@@ -155,6 +159,25 @@ pub fn read_content(path: &Path, options: &ReadOptions) -> Result<Content> {
             .map(Content::Splats),
         None => read_as(detect(&mut source)?, source, options).map(Content::Scene),
     }
+}
+
+/// The triangles or Gaussians in the bytes of a file.
+///
+/// # Errors
+/// As [`read_bytes`].
+pub fn read_content_bytes(bytes: &[u8], format: Format, options: &ReadOptions) -> Result<Content> {
+    let mut source = source_of_bytes(bytes, &options.limits)?;
+    let holds_splats = match format {
+        Format::Splat | Format::Spz | Format::Sog => true,
+        Format::Ply => ply::holds_splats(&mut source)?,
+        Format::Glb | Format::Gltf => gltf::holds_splats(&mut source, &options.limits)?,
+        Format::Pt | Format::Off | Format::Obj | Format::Html => false,
+    };
+    if holds_splats {
+        let options = ReadOptions { sh_degree: 3, ..*options };
+        return read_splats(format, source, &options).map(Content::Splats);
+    }
+    read_as(format, source, options).map(Content::Scene)
 }
 
 /// Whether the file at `path` holds Gaussians that are read, by its first bytes. A file that cannot

@@ -1,10 +1,12 @@
 //! The pinhole camera.
 
+use crate::bounds::Bounds;
 use crate::error::{Error, Result};
 use crate::limits::Limits;
 use glam::{DVec2, DVec3, Mat3, Mat4, UVec2, Vec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::f32::consts::TAU;
 
 /// A pinhole camera with +x right, +y down and +z forward, as in COLMAP: q = K (R v + t). Pixel
 /// centres are at +0.5.
@@ -25,11 +27,34 @@ pub struct Camera {
 /// The ranges of a lens, for messages: what is beyond them draws nothing, or one point.
 pub const LENS: &str = "focal lengths of 0.001 to 100,000 times the longer side and a centre within 10,000 times it, px";
 
+/// Elevation of the cameras of [`Camera::orbit`]: 20 degrees, in radians.
+const ORBIT_ELEVATION: f32 = TAU / 18.0;
+
 impl Camera {
     /// A camera at `eye` that looks at `target`, with `up` upwards in its picture; `fov_y` is the
     /// vertical field of view, radians.
     pub fn look_at(eye: Vec3, target: Vec3, up: Vec3, fov_y: f32, size: impl Into<UVec2>) -> Self {
         Self::at_origin(fov_y, size.into()).with_look_at(eye, target, up)
+    }
+
+    /// Cameras for `count` pictures from a circle around `bounds`, whose +Y points up, each looking
+    /// at the middle from 20 degrees above it. The sphere around the box fits into every picture.
+    /// `fov_y` as for [`Camera::look_at`].
+    pub fn orbit(bounds: &Bounds, count: u32, fov_y: f32, size: impl Into<UVec2>) -> Vec<Self> {
+        let size = size.into();
+        let lens = Self::at_origin(fov_y, size);
+        // The narrower of the two fields of view; a single point is seen from a distance of 1.
+        let half_tan = size.min_element() as f32 / (2.0 * lens.focal.y);
+        let radius = if bounds.radius() > 0.0 { bounds.radius() } else { half_tan.atan().sin() };
+        let distance = radius / half_tan.atan().sin();
+        let center = bounds.center();
+        let (rise, level) = ORBIT_ELEVATION.sin_cos();
+        let place = |k: u32| {
+            let (sin, cos) = (TAU * k as f32 / count as f32).sin_cos();
+            let offset = Vec3::new(level * sin, rise, level * cos) * distance;
+            lens.looking(center + offset, center, Vec3::Y)
+        };
+        (0..count).map(place).collect()
     }
 
     /// The camera of a view matrix as of glTF and OpenGL, with +y up and -z forward; `fov_y` in

@@ -6,6 +6,7 @@
 mod asset;
 pub mod atlas;
 pub mod atomic;
+mod bounds;
 pub mod camera;
 mod error;
 mod floaters;
@@ -32,6 +33,7 @@ pub mod stored_cameras;
 mod texture;
 
 pub use asset::{Asset, Chunk, Placement, Provenance, Tile, UpAxis, UpDirection};
+pub use bounds::Bounds;
 pub use error::{Error, Result, cut, excerpt};
 pub use floaters::Floaters;
 pub use imported_splats::ImportedSplats;

@@ -65,14 +65,14 @@ impl Default for Mesh {
 }
 
 impl Mesh {
-    /// Opaque triangles, each of one colour: linear light in [0, 1].
+    /// Opaque triangles, each of one colour in [0, 1]: linear light, not sRGB.
     ///
     /// # Errors
     ///
     /// Another number of colours than of triangles; numbers that are not finite or out of range.
-    pub fn from_triangles(triangles: &[[Vec3; 3]], colors: &[[f32; 3]]) -> Result<Self> {
+    pub fn from_triangles(triangles: &[[Vec3; 3]], linear_rgb: &[[f32; 3]]) -> Result<Self> {
         let positions = triangles.as_flattened().to_vec();
-        let colors = Colors::Face(colors.to_vec());
+        let colors = Colors::Face(linear_rgb.to_vec());
         let mesh = Self { positions, colors, ..Self::default() };
         mesh.validate()?;
         Ok(mesh)

@@ -259,6 +259,16 @@ impl TrainOptions {
         Self { steps, ..self }
     }
 
+    /// With at most this many triangles.
+    pub fn max_triangles(self, max_triangles: u64) -> Self {
+        Self { max_triangles, ..self }
+    }
+
+    /// With this seed of random numbers.
+    pub fn seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+
     /// Whether the scene becomes solid.
     pub fn ends_solid(&self) -> bool {
         self.preset == TrainPreset::Solid
