@@ -52,7 +52,7 @@ impl Camera {
         let place = |k: u32| {
             let (sin, cos) = (TAU * k as f32 / count as f32).sin_cos();
             let offset = Vec3::new(level * sin, rise, level * cos) * distance;
-            lens.looking(center + offset, center, Vec3::Y)
+            lens.with_look_at(center + offset, center, Vec3::Y)
         };
         (0..count).map(place).collect()
     }
