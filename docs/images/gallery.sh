@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# Makes the pictures of docs/gallery.md: a photo, or a drawing of the Gaussians, the same view of the file as `trisplat render` draws it, and its wires.
+# Makes docs/images/gallery-*.jpg: a photo, or a drawing of the Gaussians, the same view of the file as `trisplat render`
+# draws it, and its wires.
 # Usage: docs/images/gallery.sh TRISPLAT DATA FILES   (with ImageMagick)
-# DATA holds the data sets `banana` and `beach`, and splats.ply, Gaussians trained on `banana`. Files that are in the folder FILES are taken as
-# they are, others made by the commands of the page, in four minutes of CPU time for all.
+# DATA holds the data set `banana`, and splats.ply, Gaussians trained on it. Files that are in the folder FILES are taken
+# as they are, others made by the commands below, in three minutes of CPU time for all.
 set -euo pipefail
 trisplat=$(realpath "$1")
 data=$(realpath "$2")
@@ -28,7 +29,4 @@ scene() {
         -resize 400x -background white -splice 6x0+0+0 +append -chop 6x0+0+0 -quality 80 "docs/images/gallery-$name.jpg"
 }
 scene bananas "$data/banana" DSC_0423.jpg make "$data/banana" --budget 60s
-scene beach "$data/beach" DJI_0026.jpg make "$data/beach" --budget 20s
 scene splats "$data/banana" DSC_0431.jpg bake "$data/splats.ply" --preset fast
-scene subject "$data/banana" DSC_0423.jpg mesh "$data/banana" --texture --crop subject --max-triangles 8000
-scene room samples/dataset view_0008.png bake samples/soups/trained.ply --dataset samples/dataset

@@ -99,8 +99,10 @@ fn every_command_of_the_readme_runs() {
         // A window wants a screen and somebody to close it; tests/view opens one. Poses want
         // another program; tests/cli/capture.rs has one.
         let only_parsed = ["view", "capture"].contains(&arguments[0]);
-        for length in ["--steps", "--budget"] {
-            if let Some(at) = arguments.iter().position(|a| *a == length) {
+        // The additions to a bake of splats choose the preset.
+        let preset = if arguments.contains(&"splats.ply") { "--preset" } else { "--budget" };
+        for replaced in ["--steps", "--budget", preset] {
+            if let Some(at) = arguments.iter().position(|a| *a == replaced) {
                 arguments.drain(at..at + 2);
             }
         }
