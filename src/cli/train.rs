@@ -278,7 +278,7 @@ fn dataset(
         (None, Some(path), Some(scene)) => {
             let mut found = BackgroundDetails::default();
             background(scene, false, &BackgroundOptions::DEFAULT, &mut found);
-            draw(path, scene, options, found.behind(), how, global)
+            draw(path, scene, options, found.object_color(), how, global)
         }
         (path, ..) => Dataset::load(path.as_deref().unwrap_or(Path::new("")), how),
     }

@@ -50,7 +50,7 @@ fn unseen(
     most: Option<u64>,
     details: &mut UnseenDetails,
 ) -> Result<Outcome<()>> {
-    let limit = FaceLimit { most, ..FaceLimit::default() };
+    let limit = FaceLimit { max_faces: most, ..FaceLimit::default() };
     unseen::unseen(
         mesh,
         cameras,

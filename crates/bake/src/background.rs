@@ -99,7 +99,7 @@ pub struct BackgroundDetails {
 impl BackgroundDetails {
     /// The colour behind the object, sRGB-encoded: black where any will do. `None` where there is
     /// no object.
-    pub fn behind(&self) -> Option<[f32; 3]> {
+    pub fn object_color(&self) -> Option<[f32; 3]> {
         self.object.then(|| self.color.unwrap_or(Color([0; 3])).to_f32())
     }
 }

@@ -34,6 +34,11 @@ impl CropOptions {
     /// Keeps everything.
     pub const DEFAULT: Self = Self { crop: Vec::new() };
 
+    /// Whether a region is kept instead of everything.
+    pub(crate) fn is_cropped(&self) -> bool {
+        !self.crop.is_empty()
+    }
+
     /// Whether only the subject is kept.
     pub(crate) fn is_subject(&self) -> bool {
         self.crop.contains(&Region::Subject)
@@ -71,7 +76,7 @@ pub(crate) fn crop(
     options: &CropOptions,
     details: &mut CropDetails,
 ) -> Result<(Outcome<()>, Option<SubjectVolume>)> {
-    if options.crop.is_empty() {
+    if !options.is_cropped() {
         return Ok((Outcome::Skipped("`crop` was not given"), None));
     }
     let (keep, volume) = kept(scene, cameras, up, options)?;

@@ -43,22 +43,22 @@ pub struct Decimation<'a> {
     mesh: &'a Mesh,
     comparison: Comparison<'a>,
     /// Faces that are never dropped or moved; empty for none. `[F]`
-    spared: &'a [bool],
+    protected: &'a [bool],
 }
 
 impl<'a> Decimation<'a> {
     /// Of `mesh`, as `cameras` see it.
     pub fn new(mesh: &'a Mesh, cameras: &[Camera]) -> Self {
-        Self { mesh, comparison: Comparison::new(mesh, cameras), spared: &[] }
+        Self { mesh, comparison: Comparison::new(mesh, cameras), protected: &[] }
     }
 
     /// The same, but some faces are never dropped or moved. `[F]`
-    pub fn sparing(self, spared: &'a [bool]) -> Self {
-        Self { spared, ..self }
+    pub fn protecting(self, protected: &'a [bool]) -> Self {
+        Self { protected, ..self }
     }
 
-    fn is_spared(&self, face: u32) -> bool {
-        self.spared.get(face as usize).copied().unwrap_or(false)
+    fn is_protected(&self, face: u32) -> bool {
+        self.protected.get(face as usize).copied().unwrap_or(false)
     }
 
     /// `faces`, all of them visible and in any order, ordered so that the first n of them are the n
@@ -82,7 +82,7 @@ impl<'a> Decimation<'a> {
             let round = Round { number: round, views: RANK_VIEWS };
             let mut importance = self.comparison.importance(&kept, visible_px, round);
             for (importance, face) in importance.iter_mut().zip(&kept) {
-                if self.is_spared(*face) {
+                if self.is_protected(*face) {
                     *importance = f64::INFINITY;
                 }
             }
@@ -114,7 +114,7 @@ impl<'a> Decimation<'a> {
         for round in 0..rounds {
             progress.set(round as usize, rounds as usize);
             let moved = |(c, f): (&[Vec3; 3], &u32)| {
-                if self.is_spared(*f) { *c } else { with_moved_corner(*c, *f, round) }
+                if self.is_protected(*f) { *c } else { with_moved_corner(*c, *f, round) }
             };
             let moved: Vec<[Vec3; 3]> = corners.iter().zip(&kept).map(moved).collect();
             let round = Round { number: round, views: MOVE_VIEWS };

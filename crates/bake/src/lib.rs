@@ -19,8 +19,9 @@
 //!
 //! In: a scene, and photos where there are some. Out: an asset.
 
-mod backdrop;
 mod background;
+mod budget;
+mod check_dataset;
 mod chunk;
 mod crop;
 mod decimate;
@@ -29,7 +30,6 @@ mod lit;
 mod lod;
 mod merge;
 mod mesh;
-mod misfit;
 mod options;
 mod order;
 mod place;
@@ -38,9 +38,9 @@ mod recipe;
 pub mod refit;
 mod reshape;
 mod run;
-mod shell;
 mod sides;
 mod solid;
+mod surroundings;
 mod teacher;
 mod texture;
 mod tiles;
@@ -50,8 +50,8 @@ mod viewpoint;
 mod views;
 mod weld;
 
-pub use backdrop::{BackdropDetails, BackdropOptions, BackdropWhen, backdrop};
 pub use background::{BackgroundDetails, BackgroundFrom, BackgroundOptions, background};
+pub use check_dataset::psnr_of_mean_color;
 pub use chunk::{ChunkDetails, ChunkOptions, MAX_CHUNK_TRIANGLES, chunk};
 pub use crop::{CropDetails, CropOptions};
 pub use decimate::{Decimation, enlarge, rank_by_size};
@@ -59,13 +59,13 @@ pub use lit::{Lit, LitDetails, LitOptions, lit};
 pub use lod::{FinishedLevel, LevelSource, LodDetails, LodOptions, LodRanking, lod};
 pub use merge::merge;
 pub use mesh::{MeshOptions, mesh};
-pub use misfit::psnr_of_mean_color;
 pub use options::{BakeOptions, BakePreset};
 pub use order::{ArrangeDetails, FaceOrder, OrderDetails, OrderOptions, order};
 pub use place::up::Evidence;
 pub use place::words::UpChoice;
 pub use place::{PlaceDetails, PlaceOptions, place, placement};
 pub use prune::{PruneDetails, PruneOptions, REACH, prune};
+pub use recipe::BakeOutcome;
 pub use reshape::{ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, reshape};
 pub use run::{Bake, bake};
 pub use sides::{Sides, SidesDetails, SidesOptions, sides};
@@ -73,6 +73,7 @@ pub use solid::{
     ColorDetails, SOLID_SIGMA, SolidDetails, SolidOptions, Solidify, area_factor, color,
     contour_factor, shrink, solid,
 };
+pub use surroundings::{BackdropDetails, BackdropOptions, BackdropWhen, backdrop};
 pub use teacher::{
     TeacherDetails, TeacherOptions, TeacherWhen, is_solid, pictures, softness, teacher,
 };

@@ -3,9 +3,9 @@
 use super::chunk::by_material;
 use super::crop::{CropOptions, SubjectVolume, crop, faces_within};
 use super::place::up::Evidence;
-use super::place::{PlaceDetails, PlaceOptions, place};
-use super::shell::take_shell;
-use super::texture::{TextureDetails, TextureOptions, texture};
+use super::place::{PlaceOptions, place};
+use super::surroundings::take_shell;
+use super::texture::{TextureOptions, texture};
 use super::viewpoint::viewpoint;
 use super::views::Views;
 use crate::place::placement_of;
@@ -91,13 +91,13 @@ pub fn mesh(
     report.warnings.append(&mut scene.warnings);
     if let Some(views) = views.as_deref_mut() {
         views.transform(&scene.provenance.placement);
-        views.show_part(!options.crop.crop.is_empty());
+        views.show_part(options.crop.is_cropped());
     }
     let cameras = views.as_deref().map_or(&[][..], Views::cameras);
     let known = if cameras.is_empty() { scene.cameras.clone() } else { cameras.to_vec() };
     // A surface that shows photos gets their background, too; a cropped part gets none.
     let behind =
-        if options.texture.is_wanted() && !options.surface.shell && options.crop.crop.is_empty() {
+        if options.texture.is_wanted() && !options.surface.shell && !options.crop.is_cropped() {
             take_behind(&mut scene, &known)?
         } else {
             Mesh::default()
@@ -123,7 +123,7 @@ pub fn mesh(
         ..options.surface.clone()
     };
 
-    let found = report.long_stage(
+    let (found, _) = report.long_stage(
         observer,
         Mesh::default(),
         // First the scene for the surface.
@@ -145,35 +145,35 @@ pub fn mesh(
     )?;
 
     let mut found = found;
-    let backdrop = behind.face_count();
+    let backdrop_faces = behind.face_count();
     found.append(behind)?;
-    let found = report.long_stage(observer, found, Mesh::counts, |mesh, details, progress| {
-        texture(mesh, views.as_deref_mut(), None, &options.texture, details, progress)
-    })?;
-
-    report
-        .warnings
-        .extend(report.details::<TextureDetails>().and_then(|details| details.warning()));
-
-    let mut provenance = Provenance { backdrop: backdrop as u32, ..scene.provenance };
-    let points = views.as_deref().map_or(&[][..], Views::points);
-    let mut how = Placement::IDENTITY;
-    let found =
-        report.stage(observer, found, Mesh::counts, |mesh, details: &mut PlaceDetails| {
-            let evidence = Evidence { cameras: &known, points };
-            let subject = options.crop.is_subject();
-            how = placement_of(subject, mesh, &provenance, evidence, &options.place, details);
-            place(mesh, &mut provenance, how, details)
+    let (found, texture_details) =
+        report.long_stage(observer, found, Mesh::counts, |mesh, details, progress| {
+            texture(mesh, views.as_deref_mut(), None, &options.texture, details, progress)
         })?;
-    report.warnings.extend(report.details::<PlaceDetails>().and_then(|details| details.warning()));
+    report.warnings.extend(texture_details.warning());
+
+    let mut provenance = Provenance { backdrop: backdrop_faces as u32, ..scene.provenance };
+    let points = views.as_deref().map_or(&[][..], Views::points);
+    let mut placement = Placement::IDENTITY;
+    let (found, place_details) = report.stage(observer, found, Mesh::counts, |mesh, details| {
+        let evidence = Evidence { cameras: &known, points };
+        let is_subject = options.crop.is_subject();
+        let options = &options.place;
+        placement = placement_of(is_subject, mesh, &provenance, evidence, options, details);
+        place(mesh, &mut provenance, placement, details)
+    })?;
+    report.warnings.extend(place_details.warning());
     provenance.generator = Some(generator());
-    let known: Vec<Camera> = known.iter().map(|c| frames::to_file(c, &how, DVec3::ZERO)).collect();
+    let cameras = known.iter().map(|camera| frames::to_file(camera, &placement, DVec3::ZERO));
+    let cameras: Vec<Camera> = cameras.collect();
     let mut asset = Asset { provenance, ..Asset::from(found) };
     asset.chunks = scene_and_backdrop(&asset);
     by_material(&mut asset);
-    report.stage(observer, asset, Asset::counts, |asset, details| {
-        Ok(viewpoint(asset, &known, details))
-    })
+    let (asset, _) = report.stage(observer, asset, Asset::counts, |asset, details| {
+        Ok(viewpoint(asset, &cameras, details))
+    })?;
+    Ok(asset)
 }
 
 /// No chunk holds faces of both a scene and its backdrop.
@@ -193,7 +193,7 @@ fn cropped(
     observer: StageObserver<'_>,
 ) -> Result<(ImportedScene, Option<SubjectVolume>)> {
     let mut volume = None;
-    let scene = report.stage(observer, scene, ImportedScene::counts, |scene, details| {
+    let (scene, _) = report.stage(observer, scene, ImportedScene::counts, |scene, details| {
         let up = scene.provenance.up;
         let (outcome, found) = crop(&mut scene.scene, cameras, up, &options.crop, details)?;
         volume = found;

@@ -1,6 +1,5 @@
 //! Every option of the bake, and the presets.
 
-use super::backdrop::{BackdropOptions, BackdropWhen};
 use super::background::BackgroundOptions;
 use super::chunk::ChunkOptions;
 use super::crop::CropOptions;
@@ -14,6 +13,7 @@ use super::refit::RefitOptions;
 use super::reshape::ReshapeOptions;
 use super::sides::{Sides, SidesOptions};
 use super::solid::SolidOptions;
+use super::surroundings::{BackdropOptions, BackdropWhen};
 use super::teacher::TeacherOptions;
 use super::texture::TextureOptions;
 use super::tiles::TilesOptions;

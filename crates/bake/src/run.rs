@@ -1,7 +1,8 @@
 //! The bake, called by a program.
 
+use crate::background::BackgroundDetails;
 use crate::options::BakeOptions;
-use crate::recipe::Recipe;
+use crate::recipe::{BakeOutcome, Recipe};
 use crate::views::Views;
 use std::ops::ControlFlow;
 use trisplat_scene::report::{Report, StageObserver};
@@ -64,12 +65,13 @@ pub struct Bake<'a> {
     views: Option<&'a mut Views>,
     report: Option<&'a mut Report>,
     observer: Option<StageObserver<'a>>,
+    background: Option<BackgroundDetails>,
 }
 
 impl<'a> Bake<'a> {
     /// A bake with these options.
     pub fn new(options: &'a BakeOptions) -> Self {
-        Self { options, views: None, report: None, observer: None }
+        Self { options, views: None, report: None, observer: None, background: None }
     }
 
     /// Photos of the scene. Without them the cameras stored in the scene, if any, decide
@@ -88,6 +90,11 @@ impl<'a> Bake<'a> {
         Self { observer: Some(observer), ..self }
     }
 
+    /// The background that was found before the bake: it is not looked for again.
+    pub fn background(self, details: Option<BackgroundDetails>) -> Self {
+        Self { background: details, ..self }
+    }
+
     /// Merges `inputs` and bakes them for an engine.
     ///
     /// # Errors
@@ -95,6 +102,18 @@ impl<'a> Bake<'a> {
     /// Options out of range, inputs that do not merge, nothing left to draw, photos that cannot be
     /// read or do not show the scene.
     pub fn run<S: Into<ImportedScene>>(self, inputs: impl IntoIterator<Item = S>) -> Result<Asset> {
+        self.run_with_details(inputs).map(|outcome| outcome.asset)
+    }
+
+    /// [`Bake::run`] with the details of the stages that decide about further files.
+    ///
+    /// # Errors
+    ///
+    /// As for [`Bake::run`].
+    pub fn run_with_details<S: Into<ImportedScene>>(
+        self,
+        inputs: impl IntoIterator<Item = S>,
+    ) -> Result<BakeOutcome> {
         self.options.validate()?;
         let mut own_report = Report::default();
         let observer: StageObserver<'_> = match self.observer {
@@ -103,6 +122,6 @@ impl<'a> Bake<'a> {
         };
         let report = self.report.unwrap_or(&mut own_report);
         let recipe = Recipe::new(self.options, report, observer);
-        recipe.run(inputs.into_iter().map(Into::into).collect(), self.views)
+        recipe.run(inputs.into_iter().map(Into::into).collect(), self.views, self.background)
     }
 }

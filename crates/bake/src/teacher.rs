@@ -169,7 +169,7 @@ pub(super) fn viewpoints(scene: &ImportedScene) -> Option<Viewpoints> {
 
 /// Where a mesh is seen from: the cameras of photos that its file names or, without any, places
 /// chosen by its first viewpoint. None without that.
-pub(super) fn own_cameras(scene: &ImportedScene) -> Vec<Camera> {
+pub(super) fn stored_cameras(scene: &ImportedScene) -> Vec<Camera> {
     let named = decode_cameras(&scene.provenance.cameras);
     let is_seen = scene.provenance.viewpoint.is_some_and(|first| first.is_possible());
     if !named.is_empty() || !is_seen {

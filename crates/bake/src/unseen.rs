@@ -104,9 +104,9 @@ pub struct CurvePoint {
 #[derive(Debug, Clone, Default)]
 pub struct FaceLimit {
     /// Largest number of faces kept: the most important ones. None: no limit.
-    pub most: Option<u64>,
+    pub max_faces: Option<u64>,
     /// Faces that stay unchanged even if unseen; fewer than may stay, and empty for none. `[F]`
-    pub spared: Vec<bool>,
+    pub protected: Vec<bool>,
 }
 
 /// Drops faces of `mesh` that `cameras` do not see (those of `views` if there are photos), and more
@@ -129,8 +129,9 @@ pub fn unseen(
     if let (None, Some(db)) = (&views, options.max_error) {
         return Err(Error::invalid("max_error", db, "`dataset`: error is measured on photos"));
     }
-    let most =
-        limit.most.map_or(usize::MAX, |most| usize::try_from(most).unwrap_or(usize::MAX).max(1));
+    let most = limit
+        .max_faces
+        .map_or(usize::MAX, |most| usize::try_from(most).unwrap_or(usize::MAX).max(1));
     if let Some(why) = nothing_to_do(mesh, cameras, options, most) {
         return Ok(Outcome::Skipped(why));
     }
@@ -166,10 +167,11 @@ pub fn unseen(
         // Kept ones come before hardly seen ones.
         ranked[seen..visible + kept_unseen].rotate_left(visible - seen);
     }
-    let [seen, needed] = spared_first(&mut ranked, &limit.spared, [seen, needed]);
+    let [seen, needed] = protected_first(&mut ranked, &limit.protected, [seen, needed]);
     let mut keep = needed.min(most);
     let decimates = keep < seen || options.max_error.is_some();
-    let mut decimation = decimates.then(|| Decimation::new(mesh, cameras).sparing(&limit.spared));
+    let mut decimation =
+        decimates.then(|| Decimation::new(mesh, cameras).protecting(&limit.protected));
     if let Some(decimation) = &mut decimation {
         let fewest = if options.max_error.is_some() { visible / FEWEST } else { keep }.max(1);
         let candidates = &mut ranked[..seen];
@@ -224,19 +226,19 @@ pub fn masked(
     Ok(Some(dropped))
 }
 
-/// Puts the faces that are `spared` first, the order unchanged otherwise; returns how many faces
-/// then precede each of `ends`, all spared ones among them.
-fn spared_first<const N: usize>(
+/// Puts the faces that are `protected` first, the order unchanged otherwise; returns how many faces
+/// then precede each of `ends`, all protected ones among them.
+fn protected_first<const N: usize>(
     ranked: &mut [u32],
-    spared: &[bool],
+    protected: &[bool],
     ends: [usize; N],
 ) -> [usize; N] {
-    if spared.is_empty() {
+    if protected.is_empty() {
         return ends;
     }
-    let is_spared = |face: &u32| spared[*face as usize];
-    let ends = ends.map(|end| end + ranked[end..].iter().filter(|face| is_spared(face)).count());
-    ranked.sort_by_key(|face| !is_spared(face));
+    let is_protected = |face: &u32| protected[*face as usize];
+    let ends = ends.map(|end| end + ranked[end..].iter().filter(|face| is_protected(face)).count());
+    ranked.sort_by_key(|face| !is_protected(face));
     ends
 }
 

@@ -214,13 +214,13 @@ impl BakeJob {
                 let photos = self.photos.as_ref();
                 let options = &self.options.background;
                 let has_photos = photos.is_some();
-                let soft = report.stage(
+                let (soft, background) = report.stage(
                     &mut stages(observer),
                     soft,
                     |soft| soft.scene.counts(),
                     |soft, details| Ok(background(soft, has_photos, options, details)),
                 )?;
-                let behind = report.details::<BackgroundDetails>().and_then(|found| found.behind());
+                let behind = background.object_color();
                 harden::harden((self.path(), soft), behind, photos, how, &training, observer)?
             }
         };

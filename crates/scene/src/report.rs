@@ -198,14 +198,14 @@ impl Report {
     /// value's triangles and vertices; `run` gets the value and empty details. Details are recorded
     /// if the stage changed or measured something.
     ///
-    /// Returns the changed value, or the input when there was nothing to do.
+    /// Returns the value, changed or as it came, and its details.
     pub fn stage<T, D: StageDetails>(
         &mut self,
         observer: StageObserver<'_>,
         input: T,
         measure: impl Fn(&T) -> Counts,
         run: impl FnOnce(&mut T, &mut D) -> Result<Outcome<()>>,
-    ) -> Result<T> {
+    ) -> Result<(T, D)> {
         self.long_stage(observer, input, measure, |value, details, _| run(value, details))
     }
 
@@ -217,7 +217,7 @@ impl Report {
         input: T,
         measure: impl Fn(&T) -> Counts,
         run: impl FnOnce(&mut T, &mut D, &mut StageProgress<'_>) -> Result<Outcome<()>>,
-    ) -> Result<T> {
+    ) -> Result<(T, D)> {
         go_on::<D>(observer(StageEvent::Started(D::STAGE)))?;
         let clock = Instant::now();
         let mut value = input;
@@ -239,7 +239,7 @@ impl Report {
         let told = observer(StageEvent::Finished(&stage));
         self.stages.push(stage);
         go_on::<D>(told)?;
-        Ok(value)
+        Ok((value, details))
     }
 }
 

@@ -1,24 +1,26 @@
-//! What a bake fits its triangles to, and the cameras that see them.
+//! Pictures and cameras of a bake.
 
 use crate::views::Views;
 use glam::Vec3;
 use trisplat_scene::camera::{Camera, Viewpoint};
 use trisplat_scene::mesh::Mesh;
+use trisplat_scene::stored_cameras::encode_cameras;
 use trisplat_scene::{Placement, Provenance};
 
-/// The photos, and the pictures of a soft scene that replace them where none were given.
-pub(super) struct Pictures<'a> {
+/// Pictures that triangles are fitted to: photos or, where none were given, drawings of a soft
+/// scene.
+pub(super) struct TargetPictures<'a> {
     pub photos: Option<&'a mut Views>,
     pub drawn: Option<Views>,
 }
 
-impl Pictures<'_> {
+impl TargetPictures<'_> {
     pub(super) fn any(&mut self) -> Option<&mut Views> {
         self.photos.as_deref_mut().or(self.drawn.as_mut())
     }
 
     /// Cameras of the photos.
-    pub(super) fn of_photos(&self) -> &[Camera] {
+    pub(super) fn photo_cameras(&self) -> &[Camera] {
         self.photos.as_deref().map_or(&[], Views::cameras)
     }
 
@@ -29,53 +31,55 @@ impl Pictures<'_> {
 }
 
 /// Cameras of a scene, in the frame of the input.
-pub(super) struct Cameras {
-    /// Those of its photos, as far as they are known.
-    pub of_photos: Vec<Camera>,
-    /// Those that see it: of photos, or chosen ones.
-    pub watching: Vec<Camera>,
+pub(super) struct SceneCameras {
+    /// Cameras of its photos, as far as they are known.
+    pub photos: Vec<Camera>,
+    /// Cameras that decide visibility: of photos, or chosen ones.
+    pub visibility: Vec<Camera>,
 }
 
-impl Cameras {
-    /// `stored` are those in the file of the scene; `own` watch a scene without any.
-    pub(super) fn new(stored: Vec<Camera>, pictures: &Pictures<'_>, own: Vec<Camera>) -> Self {
-        let of_photos = match pictures.photos.as_deref() {
+impl SceneCameras {
+    /// `stored` are those in the file of the scene; `own` see a scene without any.
+    pub(super) fn new(
+        stored: Vec<Camera>,
+        pictures: &TargetPictures<'_>,
+        own: Vec<Camera>,
+    ) -> Self {
+        let photos = match pictures.photos.as_deref() {
             // Pictures may be drawn for some of the cameras only.
             Some(photos) if stored.is_empty() || !photos.is_drawn() => photos.cameras().to_vec(),
             _ => stored,
         };
-        let watching = match &pictures.drawn {
-            Some(drawn) if of_photos.is_empty() => drawn.cameras().to_vec(),
-            None if of_photos.is_empty() => own,
-            _ => of_photos.clone(),
+        let visibility = match &pictures.drawn {
+            Some(drawn) if photos.is_empty() => drawn.cameras().to_vec(),
+            None if photos.is_empty() => own,
+            _ => photos.clone(),
         };
-        Self { of_photos, watching }
+        Self { photos, visibility }
+    }
+
+    /// Stores the cameras of photos for the file, if there are any.
+    pub(super) fn store_in(&self, provenance: &mut Provenance) {
+        if !self.photos.is_empty() {
+            provenance.cameras = encode_cameras(&self.photos);
+        }
     }
 }
 
-// ---- What a scene and its levels of detail have in common ---------------------------------------
+// ---- Shared by a scene and its levels of detail -------------------------------------------------
 
-/// What is known of a scene besides its triangles, in the frame of the input.
+/// Inputs of normals besides the triangles, in the frame of the input.
 #[derive(Clone, Copy)]
-pub(super) struct Seen<'a> {
-    /// Cameras that see it.
-    pub watching: &'a [Camera],
+pub(super) struct NormalSources<'a> {
+    /// Cameras that decide which side is the front.
+    pub cameras: &'a [Camera],
     /// The surface for smooth normals.
-    pub facing: Option<&'a Mesh>,
+    pub surface: Option<&'a Mesh>,
 }
 
 /// The frame of a file, and its first viewpoint.
 #[derive(Clone, Copy)]
-pub(super) struct Frame {
+pub(super) struct FileFrame {
     pub placement: Placement,
     pub viewpoint: Option<Viewpoint>,
-}
-
-/// What levels have in common with their scene.
-pub(super) struct Shared<'a> {
-    pub provenance: Provenance,
-    pub seen: Seen<'a>,
-    pub frame: Frame,
-    /// Before placement.
-    pub backdrop: Option<Mesh>,
 }

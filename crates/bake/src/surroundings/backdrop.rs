@@ -8,19 +8,15 @@
 //!
 //! [`Provenance::backdrop`]: trisplat_scene::Provenance::backdrop
 
+use super::closed_surface::{MAX_SUBDIVISIONS, MIN_COVERED, RADIUS_FACTOR, closed_surface};
+use crate::budget::TriangleBudget;
 use crate::views::Views;
-pub(super) use sky::{Sky, closed, is_scattered, take_sky};
-use surface::{MAX_SUBDIVISIONS, MIN_COVERED, RADIUS_FACTOR, surface};
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::Result;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::math::geometry::face_count;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::report::Outcome;
-
-mod known;
-mod sky;
-mod surface;
 
 /// Photos that are searched for holes.
 const VIEWS: usize = 16;
@@ -64,12 +60,12 @@ impl BackdropOptions {
 
     /// The triangles of a budget that are left for the scene itself.
     pub fn scene_budget(&self, budget: Option<u64>) -> Option<u64> {
-        match self.backdrop {
-            BackdropWhen::Off => budget,
-            _ => {
-                budget.map(|most| most - subdivisions(most as usize, budget).map_or(0, face_count))
-            }
+        let total = budget?;
+        if self.backdrop == BackdropWhen::Off {
+            return budget;
         }
+        let sphere = subdivisions(total as usize, TriangleBudget::new(budget).surroundings);
+        Some(total - sphere.map_or(0, face_count))
     }
 }
 
@@ -90,8 +86,8 @@ pub struct BackdropDetails {
 
 trisplat_scene::stage!(BackdropDetails, "backdrop");
 
-/// Puts a sphere behind `mesh` when `views` see holes in it, and a `budget` of triangles leaves
-/// room for it.
+/// Puts a sphere behind `mesh` when `views` see holes in it, and the `budget` of surroundings
+/// leaves room for it.
 ///
 /// # Errors
 ///
@@ -134,7 +130,7 @@ pub fn backdrop(
     let center = views.center();
     let far = mesh.positions.iter().map(|v| v.distance_squared(center)).fold(0.0, f32::max).sqrt();
     let radius = far.max(views.radius()) * RADIUS_FACTOR;
-    let (mut sphere, _) = surface(center, subdivisions, None, radius);
+    let (mut sphere, _) = closed_surface(center, subdivisions, None, radius);
     sphere.colors = Colors::Face(vec![holes.color; sphere.face_count()]);
     sphere.single_sided = vec![true; sphere.face_count()];
     mesh.append(sphere)?;
@@ -200,18 +196,12 @@ fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
     Ok(Holes { share: open / f64::max(all, 1e-9), counted, color: mean })
 }
 
-/// Subdivisions of the octahedron for a scene of `faces`; `None` where a budget leaves no room for
-/// it.
+/// Subdivisions of the octahedron for a scene of `faces`; `None` where the budget of surroundings
+/// leaves no room for it.
 fn subdivisions(faces: usize, budget: Option<u64>) -> Option<u32> {
     let fits = |l: &u32| face_count(*l) as usize * SCENE_PER_BACKDROP <= faces;
-    let most = (3..=MAX_SUBDIVISIONS).rev().find(fits).unwrap_or(2);
-    (1..=most).rev().find(|l| budget.is_none_or(|budget| face_count(*l) <= share_behind(budget)))
-}
-
-/// The triangles of a budget that surroundings take at most: small budgets are for what one looks
-/// at.
-pub(super) fn share_behind(budget: u64) -> u64 {
-    budget / 8
+    let finest = (3..=MAX_SUBDIVISIONS).rev().find(fits).unwrap_or(2);
+    (1..=finest).rev().find(|l| budget.is_none_or(|budget| face_count(*l) <= budget))
 }
 
 #[cfg(test)]
@@ -222,7 +212,7 @@ mod tests {
     #[test]
     fn the_sphere_is_closed_and_of_the_promised_size() {
         for levels in 0..4 {
-            let (mesh, _) = surface(Vec3::ZERO, levels, None, 1.0);
+            let (mesh, _) = closed_surface(Vec3::ZERO, levels, None, 1.0);
             let faces: Vec<[Vec3; 3]> =
                 (0..mesh.face_count()).map(|face| mesh.corners(face)).collect();
             assert_eq!(faces.len(), 8 << (2 * levels));
@@ -242,7 +232,7 @@ mod tests {
     fn a_budget_is_never_exceeded() {
         for most in [1, 5, 300, 5000, 100_000, 2_000_000] {
             let scene = BackdropOptions::DEFAULT.scene_budget(Some(most)).unwrap_or(0);
-            let behind = subdivisions(scene as usize, Some(most)).map_or(0, face_count);
+            let behind = subdivisions(scene as usize, Some(most / 8)).map_or(0, face_count);
             assert!(scene + behind <= most && behind <= most / 8, "{most}: {scene} + {behind}");
             assert!(scene > 0 && (behind > 0 || most < 256), "{most}: {scene} + {behind}");
         }

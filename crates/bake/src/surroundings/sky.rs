@@ -4,8 +4,10 @@
 //! has the colours that photos agree on (`known`), and continues them where nobody looked (`fill`).
 //! Without photos or pictures of a soft scene it has the shell's colours, blurred.
 
-use super::known::{KnownColors, fill};
-use super::surface::{MAX_SUBDIVISIONS, MIN_COVERED, RADIUS_FACTOR, direction, place, surface};
+use super::closed_surface::{
+    MAX_SUBDIVISIONS, MIN_COVERED, RADIUS_FACTOR, closed_surface, direction, place,
+};
+use super::panorama_colors::{PanoramaColors, fill};
 use crate::views::Views;
 use crate::weld::place_bits;
 use glam::{Mat3, UVec2, Vec2, Vec3};
@@ -41,7 +43,7 @@ impl Sky {
     /// # Errors
     ///
     /// A photo that cannot be decoded; more vertices than 32 bits count.
-    pub(crate) fn behind(
+    pub(crate) fn new(
         mesh: &Mesh,
         shell: Option<&Mesh>,
         views: Option<&mut Views>,
@@ -63,12 +65,12 @@ fn photographed(mesh: &Mesh, shell: Option<&Mesh>, views: &mut Views) -> Result<
     if shell.is_none() {
         least = mesh.positions.iter().map(|v| v.distance(center)).fold(least, f32::max);
     }
-    let (behind, uvs) = surface(center, subdivisions(shell), shell, RADIUS_FACTOR * least);
+    let (behind, uvs) = closed_surface(center, subdivisions(shell), shell, RADIUS_FACTOR * least);
     // Neither colours nor textures matter to what is visible.
     let mut all = Mesh { shell: Vec::new(), texture: None, ..mesh.clone() };
     all.append(behind)?;
     let rows = rows(views);
-    let mut known = KnownColors::of_photos(&all, mesh.face_count(), &uvs, rows as usize, views)?;
+    let mut known = PanoramaColors::of_photos(&all, mesh.face_count(), &uvs, rows as usize, views)?;
     if let Some(shell) = shell {
         known.add(&panorama(shell, center, rows), shell_weight(rows));
     }
@@ -82,7 +84,7 @@ fn blurred(shell: &Mesh, cameras: &[Camera]) -> RgbImage {
     } else {
         mean(cameras.iter().map(Camera::position))
     };
-    let mut known = KnownColors::nothing(ROWS[0] as usize);
+    let mut known = PanoramaColors::nothing(ROWS[0] as usize);
     known.add(&panorama(shell, center, ROWS[0]), shell_weight(ROWS[0]));
     filled(known)
 }
@@ -92,7 +94,7 @@ fn shell_weight(rows: u32) -> f32 {
     (BLUR * rows as f32).powi(-2)
 }
 
-fn filled(known: KnownColors) -> RgbImage {
+fn filled(known: PanoramaColors) -> RgbImage {
     let rows = known.rows as u32;
     let rgb = fill(known).into_iter().map(|value| value.map(|code| (code + 0.5) as u8)).collect();
     RgbImage { size: UVec2::new(2 * rows, rows), rgb, alpha: None }
@@ -115,7 +117,7 @@ fn rows(views: &Views) -> u32 {
 
 /// Gives `asset` the panorama in place of its backdrop, also in its levels. Returns whether there
 /// is one.
-pub(crate) fn take_sky(asset: &mut Asset, sky: Sky, placement: &Placement) -> bool {
+pub(crate) fn replace_backdrop(asset: &mut Asset, sky: Sky, placement: &Placement) -> bool {
     if let Some((scene, _)) = asset.apart() {
         asset.mesh = scene.mesh;
         asset.chunks = scene.chunks;
@@ -236,12 +238,12 @@ pub(crate) fn is_scattered(shell: &Mesh) -> bool {
 /// A surface around `center` where `shell` is, but nowhere nearer than `least`, in the colours that
 /// the shell shows there, of at most `most` triangles; `None` where that is too few to close
 /// anything.
-pub(crate) fn closed(shell: &Mesh, center: Vec3, least: f32, most: u64) -> Option<Mesh> {
+pub(crate) fn close_surface(shell: &Mesh, center: Vec3, least: f32, most: u64) -> Option<Mesh> {
     let enough = |s: &u32| face_count(*s) >= shell.face_count() as u64;
     let enough = (2..MAX_SUBDIVISIONS).find(enough).unwrap_or(MAX_SUBDIVISIONS);
     let subdivisions = (1..=enough).rev().find(|s| face_count(*s) <= most)?;
     let picture = panorama(shell, center, ROWS_PER_FACE << subdivisions);
-    let (mut mesh, _) = surface(center, subdivisions, Some(shell), least);
+    let (mut mesh, _) = closed_surface(center, subdivisions, Some(shell), least);
     let color = |face: usize| {
         let at = place(mesh.centroid(face) - center) * picture.size.as_vec2();
         let pixel = at.as_uvec2().min(picture.size - 1);
@@ -259,7 +261,7 @@ mod tests {
     /// Faces of a sphere, each turned a little about its middle and larger: they overlap and touch
     /// nowhere.
     fn scattered() -> Mesh {
-        let (mut mesh, _) = surface(Vec3::ZERO, 2, None, 10.0);
+        let (mut mesh, _) = closed_surface(Vec3::ZERO, 2, None, 10.0);
         for face in 0..mesh.face_count() {
             let middle = mesh.centroid(face);
             let normal = mesh.flat_normal(face);
@@ -279,7 +281,7 @@ mod tests {
     fn scattered_triangles_become_one_surface_in_their_colours() {
         let shell = scattered();
         assert!(is_scattered(&shell));
-        let found = closed(&shell, Vec3::ZERO, 1.0, u64::MAX).unwrap();
+        let found = close_surface(&shell, Vec3::ZERO, 1.0, u64::MAX).unwrap();
         assert!(!is_scattered(&found) && found.face_count() == 128);
         for face in 0..found.face_count() {
             let middle = found.centroid(face);
@@ -291,10 +293,11 @@ mod tests {
                 "{middle}: {color:?}"
             );
         }
-        let far = closed(&shell, Vec3::ZERO, 20.0, u64::MAX).unwrap();
+        let far = close_surface(&shell, Vec3::ZERO, 20.0, u64::MAX).unwrap();
         assert!(far.positions.iter().all(|v| v.length() > 19.9));
         // Fewer, larger triangles where a limit asks for that.
-        let count = |most| closed(&shell, Vec3::ZERO, 1.0, most).map(|found| found.face_count());
+        let count =
+            |most| close_surface(&shell, Vec3::ZERO, 1.0, most).map(|found| found.face_count());
         assert_eq!([31, 32, 127, 128].map(count), [None, Some(32), Some(32), Some(128)]);
     }
 }

@@ -6,26 +6,28 @@
 //! never guessed from their place. Other programs close their scenes with sky domes without such a
 //! flag. These are recognised by four signs that no wall shows.
 
-use super::backdrop::{BackdropWhen, closed, share_behind};
-use super::weld::place_bits;
+use super::backdrop::BackdropWhen;
+use super::sky::close_surface;
+use crate::budget::TriangleBudget;
+use crate::weld::place_bits;
 use glam::Vec3;
 use std::collections::HashMap;
 use trisplat_raster::framing::far_shell;
+use trisplat_scene::Scene;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::geometry::mean;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{Result, Scene};
 
 /// Maximum number of triangles of a shell that was cut: its surroundings are out of focus, so more gain nothing.
-const MAX_CUT_FACES: usize = 8192;
+const MAX_QUARTERS: usize = 8192;
 /// Minimum triangles of the scene for each triangle of a cut shell.
-const SCENE_PER_CUT: usize = 2;
+const SCENE_PER_QUARTER: usize = 2;
 /// How much farther than the scene a surface of few, large triangles is, because their middles are
 /// nearer than their corners.
 const FARTHER: f32 = 1.25;
 
 /// Flags the far shell of a soup whose file has no flags.
-pub(super) fn recognise_shell(scene: &mut Scene, when: BackdropWhen) {
+pub(crate) fn recognise_shell(scene: &mut Scene, when: BackdropWhen) {
     let Scene::Soup(soup) = scene else { return };
     if when == BackdropWhen::Off || soup.shell_count() > 0 {
         return;
@@ -35,7 +37,7 @@ pub(super) fn recognise_shell(scene: &mut Scene, when: BackdropWhen) {
 
 /// Takes the faces of the shell out of `mesh`, their fronts towards the middle: that of `cameras`,
 /// or its own.
-pub(super) fn take_shell(mesh: &mut Mesh, cameras: &[Camera]) -> Mesh {
+pub(crate) fn take_shell(mesh: &mut Mesh, cameras: &[Camera]) -> Mesh {
     let mut shell = mesh.take_shell();
     shell.shell.clear();
     let middle = middle(&shell, cameras);
@@ -47,18 +49,18 @@ pub(super) fn take_shell(mesh: &mut Mesh, cameras: &[Camera]) -> Mesh {
     shell
 }
 
-/// Whether a `shell` that is cut has room beside the `scene_faces` of the scene, in a `budget` too.
-pub(super) fn is_cut(shell: &Mesh, scene_faces: usize, budget: Option<u64>) -> bool {
-    let count = 4 * shell.face_count();
-    let fits = budget.is_none_or(|most| {
-        (scene_faces + count) as u64 <= most && count as u64 <= share_behind(most)
-    });
-    count <= MAX_CUT_FACES && count * SCENE_PER_CUT <= scene_faces && fits
+/// Whether a `shell` cut into quarters has room beside the `scene_faces` of the scene, within the
+/// `budget` too.
+pub(crate) fn is_quartered(shell: &Mesh, scene_faces: usize, budget: &TriangleBudget) -> bool {
+    let quarters = 4 * shell.face_count();
+    let fits_total = budget.total.is_none_or(|total| (scene_faces + quarters) as u64 <= total);
+    let fits = fits_total && budget.surroundings.is_none_or(|budget| quarters as u64 <= budget);
+    quarters <= MAX_QUARTERS && quarters * SCENE_PER_QUARTER <= scene_faces && fits
 }
 
 /// Cuts each face of `shell` into four. Each vertex gets the mean colour of the faces that it is
 /// part of, so colours run softly; faces of one colour each look like gems.
-pub(super) fn cut(shell: &Mesh) -> Mesh {
+pub(crate) fn quarter(shell: &Mesh) -> Mesh {
     let mut sums: HashMap<[u32; 3], (Vec3, f32)> = HashMap::new();
     let mut positions = Vec::with_capacity(12 * shell.face_count());
     for face in 0..shell.face_count() {
@@ -84,7 +86,7 @@ pub(super) fn cut(shell: &Mesh) -> Mesh {
 
 /// The middle of `cameras`, or that of `shell`: where it is open to one side, this may lie behind
 /// some of it.
-pub(super) fn middle(shell: &Mesh, cameras: &[Camera]) -> Vec3 {
+pub(crate) fn middle(shell: &Mesh, cameras: &[Camera]) -> Vec3 {
     if cameras.is_empty() {
         mean((0..shell.face_count()).map(|face| shell.centroid(face)))
     } else {
@@ -92,41 +94,30 @@ pub(super) fn middle(shell: &Mesh, cameras: &[Camera]) -> Vec3 {
     }
 }
 
-/// The backdrop of the input with the shell of the scene.
-pub(super) fn joined(given: Option<Mesh>, shell: Mesh) -> Result<Option<Mesh>> {
-    match given {
-        Some(mut behind) if shell.face_count() > 0 => {
-            behind.append(shell)?;
-            Ok(Some(behind))
-        }
-        Some(behind) => Ok(Some(behind)),
-        None => Ok(Some(shell).filter(|shell| shell.face_count() > 0)),
-    }
-}
-
-/// Surroundings of at most `most` triangles around a scene with these corners: a closed surface of
-/// fewer, larger ones. Empty where `most` closes nothing.
-pub(super) fn few(
+/// Surroundings of at most `max_faces` triangles around a scene with these corners: a closed surface
+/// of fewer, larger ones. Empty where so few close nothing.
+pub(crate) fn simplified_shell(
     shell: &Mesh,
     corners: impl Iterator<Item = Vec3>,
     cameras: &[Camera],
-    most: u64,
+    max_faces: u64,
 ) -> Mesh {
     let center = middle(shell, cameras);
     let reach = corners.map(|corner| corner.distance(center)).fold(0.0, f32::max);
-    closed(shell, center, FARTHER * reach, most).unwrap_or_default()
+    close_surface(shell, center, FARTHER * reach, max_faces).unwrap_or_default()
 }
 
-/// The faces of the shell in `mesh` that stay even if unseen, because a shell with holes closes
-/// nothing. All of them, unless the mesh is larger than `budget` and the shell takes a large part
-/// of it: small budgets are spent on visible triangles. `[F]`
-pub(super) fn spared(mesh: &Mesh, budget: Option<u64>) -> Vec<bool> {
-    let count = mesh.shell.iter().filter(|shell| **shell).count() as u64;
-    let spares = match budget.filter(|most| *most < mesh.face_count() as u64) {
-        Some(budget) => count <= share_behind(budget),
-        None => true,
-    };
-    if count > 0 && spares { mesh.shell.clone() } else { Vec::new() }
+/// Faces of the shell in `mesh` that stay even if unseen, because a shell with holes closes nothing.
+/// All of them, unless the mesh exceeds `budget` and the shell more than its part of it: small
+/// budgets are spent on visible triangles. `[F]`, or empty for none.
+pub(crate) fn protected_faces(mesh: &Mesh, budget: &TriangleBudget) -> Vec<bool> {
+    let shell_faces = mesh.shell.iter().filter(|is_shell| **is_shell).count();
+    let limit = budget.surroundings_among(mesh.face_count());
+    if shell_faces > 0 && limit.is_none_or(|limit| shell_faces as u64 <= limit) {
+        mesh.shell.clone()
+    } else {
+        Vec::new()
+    }
 }
 
 #[cfg(test)]
@@ -172,7 +163,7 @@ mod tests {
     #[test]
     fn a_cut_shell_has_the_same_surface_in_quarters_and_no_gap() {
         let shell = take_shell(&mut scene(0), &[]);
-        let quarters = cut(&shell);
+        let quarters = quarter(&shell);
         assert_eq!(quarters.face_count(), 4 * shell.face_count());
         let mut edges = HashMap::new();
         for face in 0..quarters.face_count() {
@@ -195,7 +186,7 @@ mod tests {
     fn colours_of_a_cut_shell_run_from_face_to_face() {
         let mut shell = take_shell(&mut scene(0), &[]);
         shell.colors = Colors::Face((0..8).map(|face| [face as f32 / 8.0; 3]).collect());
-        let quarters = cut(&shell);
+        let quarters = quarter(&shell);
         let mut at = HashMap::new();
         for face in 0..quarters.face_count() {
             for (place, color) in
@@ -214,13 +205,16 @@ mod tests {
 
     #[test]
     fn a_shell_is_cut_only_where_there_is_room() {
+        let has_room = |shell: &Mesh, scene_faces: usize, total: Option<u64>| {
+            is_quartered(shell, scene_faces, &TriangleBudget::new(total))
+        };
         let shell = take_shell(&mut scene(0), &[]);
-        assert!(is_cut(&shell, 64, None) && !is_cut(&shell, 63, None));
-        assert!(is_cut(&shell, 64, Some(256)) && !is_cut(&shell, 64, Some(255)), "an eighth");
-        assert!(is_cut(&shell, 300, Some(332)) && !is_cut(&shell, 300, Some(331)));
+        assert!(has_room(&shell, 64, None) && !has_room(&shell, 63, None));
+        assert!(has_room(&shell, 64, Some(256)) && !has_room(&shell, 64, Some(255)), "an eighth");
+        assert!(has_room(&shell, 300, Some(332)) && !has_room(&shell, 300, Some(331)));
         let mut large = shell;
-        while is_cut(&large, 1 << 20, None) {
-            large = cut(&large);
+        while has_room(&large, 1 << 20, None) {
+            large = quarter(&large);
         }
         assert_eq!(large.face_count(), 8192);
     }
@@ -231,12 +225,15 @@ mod tests {
         for (budget, count) in
             [(None, 8), (Some(108), 8), (Some(107), 8), (Some(64), 8), (Some(63), 0)]
         {
-            let faces = spared(&whole, budget);
+            let faces = protected_faces(&whole, &TriangleBudget::new(budget));
             assert_eq!(faces.iter().filter(|face| **face).count(), count, "{budget:?}");
             assert!(faces.iter().skip(8).all(|face| !face), "{budget:?}");
             assert_eq!(faces.is_empty(), count == 0, "{budget:?}");
         }
         whole.shell.clear();
-        assert!(spared(&whole, Some(64)).is_empty(), "room is left for another backdrop");
+        assert!(
+            protected_faces(&whole, &TriangleBudget::new(Some(64))).is_empty(),
+            "room is left for another backdrop"
+        );
     }
 }

@@ -33,7 +33,7 @@ pub(super) fn place(direction: Vec3) -> Vec2 {
 
 /// The surface around `center` where `shell` is, but at least `least` away, with the places of its
 /// corners; fronts are inside. `[F]`
-pub(super) fn surface(
+pub(super) fn closed_surface(
     center: Vec3,
     subdivisions: u32,
     shell: Option<&Mesh>,
@@ -119,12 +119,12 @@ mod tests {
     #[test]
     fn it_is_closed_where_the_shell_is_and_has_no_spike() {
         let center = Vec3::new(1.0, -2.0, 0.5);
-        let (mut shell, _) = surface(center, 4, None, 3.0);
+        let (mut shell, _) = closed_surface(center, 4, None, 3.0);
         // A spike, and an opening.
         shell.positions.iter_mut().filter(|v| v.y > 0.99).for_each(|v| v.y = 60.0);
         let closed = shell.clone();
         shell.retain(|face| closed.centroid(face).x < 3.5);
-        let (mesh, uvs) = surface(center, 3, Some(&shell), 1.0);
+        let (mesh, uvs) = closed_surface(center, 3, Some(&shell), 1.0);
         assert_eq!((mesh.face_count(), uvs.len()), (512, 512));
         let mut edges = std::collections::BTreeMap::new();
         for face in 0..512 {
@@ -144,7 +144,7 @@ mod tests {
             "{:?}",
             level.collect::<Vec<_>>()
         );
-        let (around_cameras, _) = surface(center, 3, Some(&shell), 5.0);
+        let (around_cameras, _) = closed_surface(center, 3, Some(&shell), 5.0);
         assert!(around_cameras.positions.iter().all(|v| away(*v) > 4.99));
     }
 
@@ -154,7 +154,7 @@ mod tests {
             let at = Vec2::new(f32::from(i % 20) / 20.0, (f32::from(i / 20) + 0.5) / 10.0);
             assert!((place(direction(at)) - at).length() < 1e-4, "{at}");
         }
-        let (_, uvs) = surface(Vec3::ZERO, 4, None, 1.0);
+        let (_, uvs) = closed_surface(Vec3::ZERO, 4, None, 1.0);
         assert!(
             uvs.as_flattened()
                 .iter()

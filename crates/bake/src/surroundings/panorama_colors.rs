@@ -20,7 +20,7 @@ const TRUSTED: f32 = 0.1;
 
 /// Colours of a picture with twice as many columns as rows.
 #[derive(Debug, Clone)]
-pub(super) struct KnownColors {
+pub(super) struct PanoramaColors {
     pub(super) rows: usize,
     /// sRGB-encoded, 0 to 255. `[H * W]`
     pub(super) values: Vec<[f32; 3]>,
@@ -28,7 +28,7 @@ pub(super) struct KnownColors {
     pub(super) weights: Vec<f32>,
 }
 
-impl KnownColors {
+impl PanoramaColors {
     pub(super) fn nothing(rows: usize) -> Self {
         let texels = 2 * rows * rows;
         Self { rows, values: vec![[0.0; 3]; texels], weights: vec![0.0; texels] }
@@ -246,7 +246,7 @@ const MIN_ROWS: usize = 8;
 
 /// The whole picture, sRGB-encoded, 0 to 255. `known` has twice as many columns as rows, a power of
 /// two. `[H * W]`
-pub(super) fn fill(known: KnownColors) -> Vec<[f32; 3]> {
+pub(super) fn fill(known: PanoramaColors) -> Vec<[f32; 3]> {
     let mut sizes = vec![known];
     while let Some(finest) = sizes.last().filter(|known| known.rows > MIN_ROWS) {
         sizes.push(finest.halved());
@@ -314,7 +314,7 @@ impl Links {
 }
 
 /// Solves every second texel for its neighbours.
-fn relax(values: &mut [[f32; 3]], known: &KnownColors, links: &Links, parity: usize) {
+fn relax(values: &mut [[f32; 3]], known: &PanoramaColors, links: &Links, parity: usize) {
     let rows = known.rows;
     let columns = 2 * known.rows;
     for row in 0..rows {
@@ -365,7 +365,7 @@ mod fill_tests {
     #[test]
     fn what_is_known_stays_and_the_rest_has_no_edge() {
         let rows = 64;
-        let mut known = KnownColors::nothing(rows);
+        let mut known = PanoramaColors::nothing(rows);
         // A bright cap above, a dark one below, and a red patch between them.
         for row in 0..rows {
             for column in 0..2 * rows {
@@ -405,6 +405,6 @@ mod fill_tests {
 
     #[test]
     fn nothing_known_is_one_colour() {
-        assert!(fill(KnownColors::nothing(16)).iter().all(|value| *value == [0.0; 3]));
+        assert!(fill(PanoramaColors::nothing(16)).iter().all(|value| *value == [0.0; 3]));
     }
 }

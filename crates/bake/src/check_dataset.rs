@@ -18,7 +18,7 @@ const MIN_CORRELATION_EXCESS: f64 = 0.05;
 /// Describes the fault if drawings of `mesh` match the photos worse than one plain colour does, and
 /// no better than other photos. A `part` of a scene is judged where it is. Fails when a photo
 /// cannot be decoded.
-pub(super) fn misfit(mesh: &Mesh, part: bool, views: &mut Views) -> Result<Option<String>> {
+pub(super) fn check_dataset(mesh: &Mesh, part: bool, views: &mut Views) -> Result<Option<String>> {
     if views.is_empty() {
         return Ok(None);
     }

@@ -1,0 +1,92 @@
+//! Triangles fitted to pictures.
+
+use super::Recipe;
+use super::pictures::TargetPictures;
+use crate::check_dataset::check_dataset;
+use crate::exposure::exposure;
+use crate::reshape::{SceneTraits, reshape};
+use crate::sides::sides;
+use crate::views::Views;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{Error, Result};
+
+impl Recipe<'_> {
+    /// Triangles that no longer move. `trained_exposure` are the shares by which the training of
+    /// the scene corrected its photos.
+    pub(super) fn fit(
+        &mut self,
+        mesh: Mesh,
+        trained_exposure: Option<[f32; 3]>,
+        pictures: &mut TargetPictures<'_>,
+        traits: SceneTraits,
+        photo_cameras: &[Camera],
+    ) -> Result<Mesh> {
+        self.check_dataset(&mesh, pictures.photos.as_deref_mut())?;
+        let mesh = self.exposure(mesh, trained_exposure, pictures.photos.as_deref_mut())?;
+        let mesh = self.reshape(mesh, pictures.any(), traits)?;
+        self.sides(mesh, photo_cameras)
+    }
+
+    /// On the first opaque triangles, so that photos of another scene cost no more than this. Drawn
+    /// pictures always show their scene.
+    fn check_dataset(&mut self, mesh: &Mesh, photos: Option<&mut Views>) -> Result<()> {
+        let Some(photos) = photos.filter(|photos| !photos.is_drawn()) else {
+            return Ok(());
+        };
+        let Some(fault) = check_dataset(mesh, self.options.crop.is_cropped(), photos)? else {
+            return Ok(());
+        };
+        if self.options.force_dataset {
+            self.report.warnings.push(format!("`dataset` has {fault}"));
+            return Ok(());
+        }
+        let wants = "the data set it was trained on, in the same coordinates, or `force_dataset`";
+        Err(Error::invalid("dataset", fault, wants))
+    }
+
+    /// Before anything is fitted to the photos.
+    fn exposure(
+        &mut self,
+        mesh: Mesh,
+        trained_exposure: Option<[f32; 3]>,
+        photos: Option<&mut Views>,
+    ) -> Result<Mesh> {
+        let options = &self.options.exposure;
+        let (mesh, _) = self.report.stage(self.observer, mesh, Mesh::counts, |_, details| {
+            exposure(trained_exposure, photos, options, details)
+        })?;
+        Ok(mesh)
+    }
+
+    /// On the remaining triangles, by the cameras' pictures: before the backdrop, and before
+    /// colours are fitted exactly.
+    fn reshape(
+        &mut self,
+        mesh: Mesh,
+        views: Option<&mut Views>,
+        traits: SceneTraits,
+    ) -> Result<Mesh> {
+        let options = &self.options.reshape;
+        let (mesh, _) = self.report.long_stage(
+            self.observer,
+            mesh,
+            Mesh::counts,
+            |mesh, details, progress| reshape(mesh, views, traits, options, details, progress),
+        )?;
+        Ok(mesh)
+    }
+
+    /// On triangles that no longer move, and before levels are made and colours are fitted to what
+    /// is drawn.
+    fn sides(&mut self, mesh: Mesh, cameras: &[Camera]) -> Result<Mesh> {
+        let options = &self.options.sides;
+        let (mesh, _) = self.report.long_stage(
+            self.observer,
+            mesh,
+            Mesh::counts,
+            |mesh, details, progress| sides(mesh, cameras, options, details, progress),
+        )?;
+        Ok(mesh)
+    }
+}

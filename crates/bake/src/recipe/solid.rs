@@ -1,0 +1,85 @@
+//! Opaque, coloured triangles in place of the input's.
+
+use super::Recipe;
+use crate::prune::{PruneOptions, prune};
+use crate::solid::{color, solid};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::report::{Outcome, counted};
+use trisplat_scene::{ImportedScene, Provenance, Result, Scene};
+
+impl Recipe<'_> {
+    /// The loaded scene as a mesh, with its provenance. `cameras` see it.
+    pub(super) fn solid_mesh(
+        &mut self,
+        loaded: ImportedScene,
+        cameras: &[Camera],
+    ) -> Result<(Mesh, Provenance)> {
+        let ImportedScene { mut scene, provenance, warnings, .. } = loaded;
+        self.report.warnings.extend(warnings);
+        if let Scene::Soup(soup) = &mut scene {
+            // Only the teacher draws more.
+            soup.truncate_sh(0);
+        }
+        let mesh = self.solidify(scene, cameras)?;
+        let mesh = self.simplify_shell(mesh, cameras)?;
+        Ok((mesh, provenance))
+    }
+
+    /// The part of the recipe that turns the input into opaque, coloured triangles.
+    pub(super) fn solidify(&mut self, scene: Scene, cameras: &[Camera]) -> Result<Mesh> {
+        let options = self.options;
+
+        // Early, because every later stage costs per triangle and relies on finite geometry.
+        let scene = self.prune(scene, cameras)?;
+
+        // On the soup, because it needs opacity and σ, which `color` drops.
+        let (scene, _) = self.report.stage(
+            self.observer,
+            scene,
+            Scene::counts,
+            |scene, details| match scene {
+                Scene::Soup(soup) => solid(soup, &options.solid, details),
+                Scene::Mesh(_) => {
+                    Ok(Outcome::Skipped("the input is a mesh: its triangles are solid"))
+                }
+            },
+        )?;
+
+        // From here on an ordinary mesh in linear light.
+        let (scene, _) =
+            self.report.stage(self.observer, scene, Scene::counts, |scene, details| {
+                let Scene::Soup(soup) = scene else {
+                    return Ok(Outcome::Skipped("the input is a mesh: it has colours"));
+                };
+                *scene = Scene::Mesh(color(std::mem::take(soup), details)?);
+                Ok(Outcome::Changed(()))
+            })?;
+        match scene {
+            Scene::Mesh(mesh) => Ok(mesh),
+            Scene::Soup(_) => unreachable!("the color stage makes a mesh of every soup"),
+        }
+    }
+
+    /// Within the limit of triangles only where no `cameras` judge their importance, which they do
+    /// better than size.
+    fn prune(&mut self, scene: Scene, cameras: &[Camera]) -> Result<Scene> {
+        let max_triangles = self.budget.scene.filter(|_| cameras.is_empty());
+        let options = PruneOptions { max_triangles, ..self.options.prune.clone() };
+        let is_mesh = matches!(scene, Scene::Mesh(_));
+        let (scene, details) =
+            self.report.stage(self.observer, scene, Scene::counts, |scene, details| {
+                prune(scene, &options, details)
+            })?;
+        self.report.warnings.extend(details.warning());
+        // A soup sheds its faint triangles as its trainer does.
+        if is_mesh && details.faint > 0 {
+            let faint = counted(details.faint, "triangle");
+            let min_opacity = options.min_opacity;
+            self.report.warnings.push(format!(
+                "removed {faint} whose alpha is below {min_opacity}; `min_opacity` 0 keeps them"
+            ));
+        }
+        Ok(scene)
+    }
+}
