@@ -2,7 +2,7 @@
 //! report.
 
 use super::event::{Observer, add, stages};
-use super::fitted::fitted;
+use super::fitted::{BakeStart, fitted};
 use super::gaussians::{self, Effort};
 use super::harden::{self, Hardened};
 use std::path::{Path, PathBuf};
@@ -78,6 +78,8 @@ enum Inputs {
 struct Scenes {
     scenes: Vec<ImportedScene>,
     views: Option<Views>,
+    /// The background that hardening has looked for.
+    background: Option<BackgroundDetails>,
 }
 
 /// A baked scene and its report.
@@ -153,12 +155,12 @@ impl BakeJob {
         report
             .warnings
             .extend(self.photos.iter().flat_map(|photos| photos.warnings.iter().cloned()));
-        let Scenes { scenes, mut views } = self.scenes(&mut report, observer)?;
+        let Scenes { scenes, mut views, background } = self.scenes(&mut report, observer)?;
         let mut options = self.options;
         let asset = match (self.max_bytes, &to) {
             (Some(limit), Some((output, _))) => {
-                let found =
-                    fitted(limit, &scenes, views.as_mut(), &options, output, &report, observer)?;
+                let start = BakeStart { scenes: &scenes, background: &background, report: &report };
+                let found = fitted(limit, start, views.as_mut(), &options, output, observer)?;
                 drop(scenes);
                 options = found.options;
                 report = found.report;
@@ -166,7 +168,7 @@ impl BakeJob {
             }
             _ => {
                 let bake = Bake::new(&options).photos(views.as_mut()).report(&mut report);
-                bake.observer(&mut stages(observer)).run(scenes)?
+                bake.background(background).observer(&mut stages(observer)).run(scenes)?
             }
         };
         report.options = serde_json::to_value(&options).unwrap_or_default();
@@ -203,9 +205,10 @@ impl BakeJob {
             Inputs::Splats(splats) => return self.solid_of(*splats, views, report, observer),
         };
         let Some(steps) = self.harden else {
-            return Ok(Scenes { scenes: inputs, views });
+            return Ok(Scenes { scenes: inputs, views, background: None });
         };
         let soft = merge(inputs)?;
+        let mut background_details = None;
         let hardened = match harden::needless(&soft) {
             Some(why) => Hardened::needless(soft, why),
             None => {
@@ -214,18 +217,23 @@ impl BakeJob {
                 let photos = self.photos.as_ref();
                 let options = &self.options.background;
                 let has_photos = photos.is_some();
-                let (soft, background) = report.stage(
+                let (soft, found) = report.stage(
                     &mut stages(observer),
                     soft,
                     |soft| soft.scene.counts(),
                     |soft, details| Ok(background(soft, has_photos, options, details)),
                 )?;
-                let behind = background.object_color();
+                let behind = found.object_color();
+                background_details = Some(found);
                 harden::harden((self.path(), soft), behind, photos, how, &training, observer)?
             }
         };
         add(hardened.stage, report, observer);
-        Ok(Scenes { scenes: vec![hardened.scene], views: views.or(hardened.pictures) })
+        Ok(Scenes {
+            scenes: vec![hardened.scene],
+            views: views.or(hardened.pictures),
+            background: background_details,
+        })
     }
 
     /// The solid scene of Gaussians. Making it is a stage of `report`.
@@ -242,7 +250,7 @@ impl BakeJob {
         let how = &self.dataset_options;
         let solid = gaussians::solid((self.path(), splats), photos, how, amount, report, observer)?;
         add(solid.stage, report, observer);
-        Ok(Scenes { scenes: vec![solid.scene], views: views.or(solid.pictures) })
+        Ok(Scenes { scenes: vec![solid.scene], views: views.or(solid.pictures), background: None })
     }
 
     /// The first file, for messages.

@@ -7,7 +7,9 @@
 use super::event::{Event, Observer, stages};
 use std::ops::ControlFlow::Continue;
 use trisplat_bake::refit::RefitColors;
-use trisplat_bake::{Bake, BakeOptions, ReshapeOptions, TeacherOptions, TextureWhen, Views};
+use trisplat_bake::{
+    BackgroundDetails, Bake, BakeOptions, ReshapeOptions, TeacherOptions, TextureWhen, Views,
+};
 use trisplat_formats::output::{self, Output};
 use trisplat_scene::report::Report;
 use trisplat_scene::{Asset, Error, ImportedScene, Result};
@@ -29,20 +31,29 @@ pub(super) struct Fitted {
     pub(super) report: Report,
 }
 
+/// The inputs of every bake.
+#[derive(Clone, Copy)]
+pub(super) struct BakeStart<'a> {
+    pub(super) scenes: &'a [ImportedScene],
+    /// The background, if it was looked for.
+    pub(super) background: &'a Option<BackgroundDetails>,
+    /// The report so far.
+    pub(super) report: &'a Report,
+}
+
 /// The bake with the most triangles whose files, all of `output` together, take at most `limit`
 /// bytes. The bytes of real files are counted: first of the scene without anything that pictures
-/// decide, then of the bake itself, which may be made again. `report` is what each begins with.
+/// decide, then of the bake itself, which may be made again.
 ///
 /// # Errors
 ///
 /// Those of a bake and of writing; a limit that not even one triangle meets.
 pub(super) fn fitted(
     limit: u64,
-    scenes: &[ImportedScene],
+    start: BakeStart<'_>,
     mut views: Option<&mut Views>,
     options: &BakeOptions,
     output: &Output,
-    report: &Report,
     observer: Observer<'_>,
 ) -> Result<Fitted> {
     let with = |options: &BakeOptions, max_triangles: Option<u64>| {
@@ -58,7 +69,7 @@ pub(super) fn fitted(
         Ok(unread.outputs.iter().map(|file| file.bytes).sum())
     };
     let plain = plain(options);
-    let sightless = sightless(scenes, options);
+    let sightless = sightless(start.scenes, options);
     let trial = |most: Option<u64>| {
         let options = with(&plain, most);
         let asset = Bake::new(&options).run(sightless.iter().cloned())?;
@@ -66,10 +77,11 @@ pub(super) fn fitted(
     };
     let make = |most: Option<u64>| -> Result<(u64, Fitted)> {
         let options = with(options, most);
-        let mut report = report.clone();
+        let mut report = start.report.clone();
         let _ = observer(Event::Fits { limit, triangles: most });
         let bake = Bake::new(&options).photos(views.as_deref_mut()).report(&mut report);
-        let asset = bake.observer(&mut stages(observer)).run(scenes.iter().cloned())?;
+        let bake = bake.background(start.background.clone());
+        let asset = bake.observer(&mut stages(observer)).run(start.scenes.iter().cloned())?;
         Ok((bytes(&asset, &options)?, Fitted { asset, options, report }))
     };
     most_within(limit, options.prune.max_triangles, trial, make)
