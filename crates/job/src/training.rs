@@ -165,7 +165,7 @@ impl TrainJob {
                 Some(teacher)
             }
         };
-        let paced = self.keep_to_budget(enough, began)?;
+        let budget_control = self.keep_to_budget(enough, began)?;
         warnings.extend(self.dataset.warnings.iter().cloned());
         let share = teacher.is_some().then(|| self.picture_share());
         let taught = match (&teacher, share) {
@@ -177,13 +177,13 @@ impl TrainJob {
             }
             _ => None,
         };
-        let summary = paced.as_ref().map(|paced| self.summary(&paced.pace));
+        let summary = budget_control.as_ref().map(|control| self.summary(&control.pace));
         let dataset = taught.as_ref().unwrap_or(&self.dataset);
         let run = TrainInputs {
             outputs: self.outputs,
             from: self.from,
             resume: self.resume,
-            paced,
+            budget_control,
             began: Some(began),
             force_resume: self.force_resume,
             ..TrainInputs::new(dataset, &self.options.options)
@@ -308,11 +308,11 @@ impl TrainJob {
             whole: self.budget.map(|budget| teacher::whole(budget, self.whole, spent)),
             ..Self::new(self.dataset.clone(), TrainOptions::default())
         };
-        let paced = job.keep_to_budget(enough, began)?;
+        let budget_control = job.keep_to_budget(enough, began)?;
         let run = TrainInputs::new(&job.dataset, &job.options.options)
             .with_dataset_options(&job.dataset_options);
         // The run reports the card, so the teacher does not.
-        let run = TrainInputs { paced, ..run }.start_on(&self.backend)?;
+        let run = TrainInputs { budget_control, ..run }.start_on(&self.backend)?;
         let triangles = run.triangles();
         let part = TrainPart::Teacher;
         let steps = run.options().steps;

@@ -6,11 +6,11 @@
 //! with the same mean window 2/((σ+1)(σ+2)), and both triangles of a clone get 1 - sqrt(1 - o),
 //! whose blend is o again.
 
-use super::known::{DepthRepair, KnownDepth};
+use super::initial::even_subset;
 use super::options::{DensifyOptions, SampleWeight};
 use super::params::{Anneal, Core, OptimizerState, Params};
-use super::relocate::{Relocation, make_room};
-use super::start::thinned;
+use super::relocate::{Relocation, evict_lowest_contribution};
+use super::stereo::{DepthAnchors, DepthRepair};
 use super::visibility::VisibilityStats;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -36,8 +36,8 @@ pub(crate) struct DensifyPlan<'a> {
     pub options: &'a DensifyOptions,
     /// Places of the cameras, in training space.
     pub eyes: &'a [Vec3],
-    /// Surfaces whose place is known, once the scene is solid.
-    pub known: Option<&'a KnownDepth>,
+    /// Depth anchors, once the scene is solid.
+    pub anchors: Option<&'a DepthAnchors>,
     /// Never more triangles than this.
     pub max_triangles: usize,
     /// The box with its own budget, when only a part of a scene is trained.
@@ -103,11 +103,17 @@ pub(crate) fn densify(
     let holes = repair(state, visibility, &mut alive, plan, &mut done);
     if complete && plan.grow && plan.bisect && plan.core.is_none() {
         let DensifyOptions { relocate, growth, .. } = *plan.options;
-        let room = Relocation { share: relocate, growth, max_triangles: plan.max_triangles };
-        done.relocated = make_room(&mut alive, visibility, (state.frozen, state.pinned), &room);
+        let relocation = Relocation {
+            share: relocate,
+            growth,
+            max_triangles: plan.max_triangles,
+            frozen: state.frozen,
+            pinned: state.pinned,
+        };
+        done.relocated = evict_lowest_contribution(&mut alive, visibility, &relocation);
     }
     let count = alive.iter().skip(state.frozen).filter(|alive| **alive).count();
-    let holes = thinned(&holes, plan.max_triangles.saturating_sub(count));
+    let holes = even_subset(&holes, plan.max_triangles.saturating_sub(count));
     let plan = &DensifyPlan { max_triangles: plan.max_triangles - holes.len(), ..*plan };
     let grown = if plan.grow {
         sample_growth(state, &alive, visibility, plan)
@@ -134,9 +140,9 @@ pub(crate) fn densify(
             next_visibility.push_exempt();
         }
     }
-    if let Some(known) = plan.known {
+    if let Some(anchors) = plan.anchors {
         let rng = Rng::new(plan.seed, "known", plan.step);
-        let filled = known.triangles(&holes, next.params.sh_degree, rng);
+        let filled = anchors.fill_triangles(&holes, next.params.sh_degree, rng);
         done.filled = filled.len();
         for i in 0..filled.len() {
             next.push_fresh(&filled, i);
@@ -200,18 +206,18 @@ fn repair(
     plan: &DensifyPlan<'_>,
     done: &mut Densified,
 ) -> Vec<u32> {
-    let Some(known) = plan.known else { return Vec::new() };
-    let DepthRepair { blocks, holes, moves } =
-        known.repair(state, alive, visibility, plan.eyes, plan.pull);
-    let stays = |i: usize| alive[i] && !blocks[i];
+    let Some(anchors) = plan.anchors else { return Vec::new() };
+    let DepthRepair { occludes, holes, shifts } =
+        anchors.repair(state, alive, visibility, plan.eyes, plan.pull);
+    let stays = |i: usize| alive[i] && !occludes[i];
     if (state.frozen..alive.len()).any(stays) {
-        let removed = |(alive, blocks): &(&mut bool, bool)| **alive && *blocks;
-        for (alive, _) in alive.iter_mut().zip(blocks).filter(removed) {
+        let removed = |(alive, occludes): &(&mut bool, bool)| **alive && *occludes;
+        for (alive, _) in alive.iter_mut().zip(occludes).filter(removed) {
             *alive = false;
             done.blocking += 1;
         }
     }
-    for (corners, by) in state.params.vertices.iter_mut().zip(moves) {
+    for (corners, by) in state.params.vertices.iter_mut().zip(shifts) {
         *corners = corners.map(|corner| corner + by);
     }
     if plan.grow { holes } else { Vec::new() }
@@ -365,7 +371,7 @@ mod tests {
         DensifyPlan {
             options,
             eyes: &[],
-            known: None,
+            anchors: None,
             max_triangles: 1000,
             core: None,
             grow: true,

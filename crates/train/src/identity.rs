@@ -1,10 +1,11 @@
 //! The inputs of a run: a checkpoint continues with the same photos, cameras and points, or names
 //! those that differ.
 
+use super::pyramid::Pyramid;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::{Dataset, View};
-use trisplat_scene::ImportedScene;
 use trisplat_scene::camera::Camera;
+use trisplat_scene::{Error, ImportedScene, Result};
 use xxhash_rust::xxh3::Xxh3Default;
 
 /// All inputs, apart from training options, that change the result of a run. Contents are kept as
@@ -86,6 +87,48 @@ impl RunIdentity {
             _ => None,
         }
     }
+}
+
+/// Differences of the inputs `now` from those of a checkpoint, one sentence each. Photos that its
+/// run has used are decoded.
+///
+/// # Errors
+///
+/// Photos of other names; without `force`, any difference; photos that cannot be decoded.
+pub(super) fn differences(
+    before: &RunIdentity,
+    now: &RunIdentity,
+    photos: &mut Pyramid,
+    force: bool,
+) -> Result<impl Iterator<Item = String> + use<>> {
+    if !now.photos.iter().map(|photo| &photo.name).eq(before.photos.iter().map(|photo| &photo.name))
+    {
+        let value = format!("of {} other photos", before.photos.len());
+        return Err(Error::invalid(
+            "resume",
+            value,
+            "a checkpoint of this data set with this split",
+        ));
+    }
+    let check = |difference: Option<String>| match difference.filter(|_| !force) {
+        Some(difference) => {
+            let wants =
+                "the photos and options of its run, or `force_resume` to continue with others";
+            Err(Error::invalid("resume", format!("of another run: {difference}"), wants))
+        }
+        None => Ok(()),
+    };
+    let inputs = before.difference(now);
+    check(inputs.clone())?;
+    let digests =
+        before.photos.iter().enumerate().filter_map(|(i, photo)| Some((i, photo.pixels?)));
+    let changed = photos.first_changed(&digests.collect::<Vec<_>>())?;
+    let pixels = changed.map(|i| {
+        let name = &before.photos[i].name;
+        format!("its photo {name} has other pixels (`masks` and `background` count too)")
+    });
+    check(pixels.clone())?;
+    Ok(inputs.into_iter().chain(pixels))
 }
 
 /// The hash of a camera's bits.

@@ -5,8 +5,8 @@
 //!                        schedule: rates, sizes, SH      visibility: complete passes
 //! ```
 //!
-//! [`TrainInputs`] is one run, with its checkpoints, previews and curve; the crate `trisplat-job`
-//! decides the options of a run.
+//! [`TrainInputs`] start a [`Training`], whose result is [`Trained`]; the crate `trisplat-job`
+//! decides the options.
 //!
 //! Sources, as the docs of this folder name them:
 //! * *the paper*: Held et al. 2025, *Triangle Splatting for Real-Time Radiance Field Rendering*;
@@ -27,22 +27,21 @@ mod densify;
 mod device;
 mod eval;
 mod exposure;
-mod find;
 #[cfg(feature = "gpu")]
 mod gpu;
-mod grow;
 mod identity;
 mod init;
-mod known;
+mod initial;
+mod inputs;
 mod options;
-mod outputs;
 mod params;
 mod pyramid;
+mod recorder;
 mod relocate;
-mod run;
 mod schedule;
 mod shell;
-mod start;
+mod speed;
+mod stereo;
 mod timeline;
 mod trained;
 mod training;
@@ -56,19 +55,19 @@ pub use densify::Densified;
 pub use device::{BackendKind, BackendOptions};
 pub use eval::{EvalScene, PhotoScore, Quality, SOLID_SAMPLES, TrainSample};
 pub use exposure::solve_exposures;
-pub use find::reconstruct_points;
 #[cfg(feature = "gpu")]
 pub use gpu::{CardScene, GpuBackend, GpuLimits};
 pub use identity::{PhotoIdentity, RunIdentity};
+pub use inputs::{PREVIEW_PREFIX, Preview, TrainInputs, TrainOutputs, TrainedPart};
 pub use options::{
     DensifyOptions, InitOptions, REFERENCE_STEPS, SampleWeight, TrainOptions, TrainPreset,
 };
-pub use outputs::{TrainEvent, TrainObserver};
 pub use params::{Anneal, Core, OptimizerState, Params};
-pub use run::measure_speed;
+pub use recorder::{TrainEvent, TrainObserver};
 pub use schedule::{Schedule, StepParams};
 pub use shell::shell_around;
-pub use start::{PREVIEW_PREFIX, Preview, TrainInputs, TrainOutputs, TrainedPart};
+pub use speed::measure_speed;
+pub use stereo::reconstruct_points;
 pub use trained::{TrainDetails, Trained};
 pub use training::Training;
 pub use trisplat_dataset::exposure::ExposureDetails;

@@ -137,7 +137,7 @@ impl Params {
 
     /// Converts the soft triangles after the first `skipped` to the state of `anneal`, with the
     /// same look.
-    pub(super) fn go_on_at(&mut self, anneal: &Anneal, skipped: usize) {
+    pub(super) fn anneal_soft(&mut self, anneal: &Anneal, skipped: usize) {
         for opacity in self.opacity.iter_mut().skip(skipped) {
             *opacity = anneal.opacity_raw(Anneal::NONE.opacity(*opacity)).unwrap_or(*opacity);
         }

@@ -1,5 +1,5 @@
-//! Room for growth in a scene at its limit of triangles, and the way down to it: those that the
-//! photos show least are removed.
+//! Relocation: a scene at its limit of triangles gives up those of the lowest contribution, so that
+//! others can grow; an overfull scene shrinks to its limit in the same way.
 //!
 //! Pruning removes only useless triangles: slivers and hidden ones. In a full scene this is too
 //! little room for growth where the picture is wrong. The measure is the sum of a triangle's
@@ -14,7 +14,7 @@ const FULL: f64 = 0.9;
 /// more go.
 const MAX_CUT: f64 = 0.1;
 
-/// The room that a densification makes.
+/// Limits of a relocation.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Relocation {
     /// Share of the triangles to remove.
@@ -23,30 +23,35 @@ pub(super) struct Relocation {
     pub(super) growth: f64,
     /// Maximum number of triangles that are trained.
     pub(super) max_triangles: usize,
+    /// Number of first triangles that do not count against the limit.
+    pub(super) frozen: usize,
+    /// Number of first triangles that stay; frozen ones are among them.
+    pub(super) pinned: usize,
 }
 
-/// Removes a share of the triangles of a full scene, those of the least summed weight, but no more
-/// than grow back; of an overfull one also what is too much, step by step. Returns how many. The
-/// first `frozen` do not count against the limit; the first `pinned`, which include them, stay.
-pub(super) fn make_room(
+/// Evicts a share of the triangles of a full scene, those of the least summed weight, but no more
+/// than grow back; of an overfull scene also its surplus, step by step. Returns their number.
+pub(super) fn evict_lowest_contribution(
     alive: &mut [bool],
     visibility: &VisibilityStats,
-    (frozen, pinned): (usize, usize),
-    room: &Relocation,
+    relocation: &Relocation,
 ) -> usize {
+    let Relocation { share, growth, max_triangles, frozen, pinned } = *relocation;
     let count = alive.iter().skip(frozen).filter(|a| **a).count();
-    if (count as f64) < FULL * room.max_triangles as f64 {
+    if (count as f64) < FULL * max_triangles as f64 {
         return 0;
     }
-    let kept = count.min(room.max_triangles.max((count as f64 * (1.0 - MAX_CUT)) as usize));
-    let moves = (kept as f64 * room.share.min(room.growth / (1.0 + room.growth))) as usize;
+    let kept = count.min(max_triangles.max((count as f64 * (1.0 - MAX_CUT)) as usize));
+    let relocated = (kept as f64 * share.min(growth / (1.0 + growth))) as usize;
     // Triangles younger than the statistics were not drawn for all photos.
     let candidates = (pinned..alive.len()).filter(|&i| alive[i] && !visibility.exempt[i]);
-    let mut least: Vec<(f32, usize)> = candidates.map(|i| (visibility.sum_weight[i], i)).collect();
-    least.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    least.truncate(count - kept + moves);
-    least.iter().for_each(|&(_, i)| alive[i] = false);
-    least.len()
+    let mut lowest: Vec<(f32, usize)> = candidates.map(|i| (visibility.sum_weight[i], i)).collect();
+    lowest.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    lowest.truncate(count - kept + relocated);
+    for &(_, i) in &lowest {
+        alive[i] = false;
+    }
+    lowest.len()
 }
 
 #[cfg(test)]
@@ -62,15 +67,17 @@ mod tests {
         (vec![true; 100], visibility)
     }
 
-    fn removed(room: &Relocation, frozen: usize) -> Vec<usize> {
+    fn removed(relocation: &Relocation, frozen: usize) -> Vec<usize> {
         let (mut alive, visibility) = scene();
-        let count = make_room(&mut alive, &visibility, (frozen, 5), room);
+        let relocation = Relocation { frozen, pinned: 5, ..*relocation };
+        let count = evict_lowest_contribution(&mut alive, &visibility, &relocation);
         let removed: Vec<usize> = (0..100).filter(|&i| !alive[i]).collect();
         assert_eq!(removed.len(), count);
         removed
     }
 
-    const RELOCATION: Relocation = Relocation { share: 0.1, growth: 0.3, max_triangles: 100 };
+    const RELOCATION: Relocation =
+        Relocation { share: 0.1, growth: 0.3, max_triangles: 100, frozen: 0, pinned: 0 };
 
     #[test]
     fn the_least_seen_go_when_there_is_no_room() {
@@ -109,9 +116,9 @@ mod tests {
             "and makes room"
         );
         let (mut alive, visibility) = scene();
-        let room = Relocation { max_triangles: 1, ..still };
+        let relocation = Relocation { max_triangles: 1, pinned: 5, ..still };
         for _ in 0..200 {
-            make_room(&mut alive, &visibility, (0, 5), &room);
+            evict_lowest_contribution(&mut alive, &visibility, &relocation);
         }
         assert_eq!(alive.iter().filter(|a| **a).count(), 6, "the pinned and the young stay");
     }
@@ -122,9 +129,9 @@ mod tests {
         assert!(removed(&Relocation { growth: 0.0, ..RELOCATION }, 0).is_empty());
         let mut alive = vec![true];
         let visibility = VisibilityStats::new(1, 1);
-        let all = Relocation { share: 1.0, growth: 1e9, max_triangles: 1 };
+        let all = Relocation { share: 1.0, growth: 1e9, max_triangles: 1, ..RELOCATION };
         assert_eq!(
-            make_room(&mut alive, &visibility, (0, 0), &all),
+            evict_lowest_contribution(&mut alive, &visibility, &all),
             0,
             "a scene keeps its last triangle"
         );

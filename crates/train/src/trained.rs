@@ -28,7 +28,7 @@ pub struct Trained {
     /// The options of the run; with a budget, the final steps and milestones.
     pub options: TrainOptions,
     /// The control of the budget, if the run had one.
-    pub paced: Option<BudgetControl>,
+    pub budget_control: Option<BudgetControl>,
     /// The curve.
     pub curve: Vec<TrainSample>,
     /// The held-out photos at the end.
@@ -158,7 +158,7 @@ impl Trained {
 
     /// The use of the budget so far; `None` without one.
     pub fn budget(&self) -> Option<BudgetDetails> {
-        let BudgetControl { pace, spending } = self.paced.as_ref()?;
+        let BudgetControl { pace, spending } = self.budget_control.as_ref()?;
         Some(pace.details(spending.seconds(), &self.options))
     }
 

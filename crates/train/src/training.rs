@@ -1,18 +1,24 @@
-//! One run: photos in a random order, one step per photo, densifications between them.
+//! A training: photos in a random order, one step per photo, densifications between them, and
+//! samples, evaluations and checkpoints on the way.
 
 use super::backend::{PhotoId, StepPhoto, StepStats, TrainBackend};
+use super::budget::BudgetControl;
 use super::checkpoint::{Checkpoint, CheckpointMeta};
 use super::densify::{self, Densified, densify};
-use super::eval::{TrainSample, solid_samples};
-use super::identity::RunIdentity;
-use super::known::KnownDepth;
+use super::eval::{Evaluator, PhotoScore, Quality, TrainSample, solid_samples};
+use super::identity::{RunIdentity, differences};
+use super::initial::initial_checkpoint;
+use super::inputs::{TrainInputs, TrainOutputs};
 use super::options::TrainOptions;
 use super::params::{Anneal, OptimizerState};
 use super::pyramid::{MIN_PX, Pyramid, order};
+use super::recorder::{Recorder, TrainEvent, TrainObserver};
 use super::schedule::Schedule;
-use super::start::{self, TrainInputs, TrainOutputs};
+use super::stereo::DepthAnchors;
+use super::trained::{Trained, provenance};
 use super::visibility::VisibilityStats;
 use glam::Vec3;
+use std::path::PathBuf;
 use std::sync::Arc;
 use trisplat_dataset::{Dataset, DatasetKind, View};
 use trisplat_raster::soft::{SoftOptions, Window};
@@ -23,8 +29,8 @@ use trisplat_scene::{
     Error, ImportedScene, Provenance, Result, Rng, SceneNormalization, Soup, Spending,
 };
 
-/// A run between two steps. A pure function of the data set, the options and the steps made:
-/// stopping, writing a checkpoint and resuming elsewhere changes no bit.
+/// A training between two steps. It is a pure function of the data set, the options and the steps
+/// made: stopping, writing a checkpoint and resuming elsewhere changes no bit.
 #[derive(Debug)]
 pub struct Training<'a> {
     /// The device's card, graphics API, driver and needed memory; `None` on the CPU.
@@ -36,22 +42,22 @@ pub struct Training<'a> {
     /// The clock of the budget, if the run has one.
     pub(super) spending: Option<Spending>,
     pub(super) dataset: &'a Dataset,
-    /// Provenance and cameras of the scene that teaches itself.
-    pub(super) taught: Option<(Provenance, Vec<Camera>)>,
+    /// Provenance and cameras of a scene that teaches itself.
+    own_origin: Option<(Provenance, Vec<Camera>)>,
     pub(super) drawing: SoftOptions,
     pub(super) outputs: TrainOutputs,
     pub(super) until_step: u64,
     /// Memory for the held-out photos.
     pub(super) held_out_bytes: u64,
-    /// Surfaces whose place is known, once the scene is solid.
-    known: Option<KnownDepth>,
+    /// Depth anchors, once the scene is solid.
+    anchors: Option<DepthAnchors>,
     /// The cameras, in training space.
     cameras: Vec<Camera>,
     photos: Pyramid,
     order: Vec<usize>,
     backend: Box<dyn TrainBackend + 'a>,
     visibility: VisibilityStats,
-    /// Figures that were not read yet.
+    /// Figures of steps that no sample contains yet.
     figures: Vec<StepStats>,
     /// Data of the last state given to the backend, if the backend can lose it.
     loaded: Option<LoadedAt>,
@@ -70,21 +76,21 @@ struct LoadedAt {
 }
 
 impl<'a> Training<'a> {
-    /// Sets `run` up on a backend with the options of [`TrainInputs::drawing`]: from its checkpoint,
-    /// the triangles of a scene, all or a part of them, or the points of the data set. Photos that
-    /// a resumed run has used are decoded here, once.
+    /// Prepares a training on a backend with the options of [`TrainInputs::drawing`]: from its
+    /// checkpoint, the triangles of a scene, all or a part of them, or the points of the data set.
+    /// Photos that a resumed run has used are decoded here, once.
     ///
     /// # Errors
     ///
     /// Options out of range, no training photos, a scene of more triangles than the options permit;
     /// a checkpoint with training photos of other names or, unless forced, any other difference.
     pub(super) fn new(
-        mut run: TrainInputs<'a>,
+        mut inputs: TrainInputs<'a>,
         backend: Box<dyn TrainBackend + 'a>,
     ) -> Result<Self> {
-        let dataset = run.dataset;
-        let drawing = run.drawing();
-        let (photo_bytes, held_out_bytes) = shares(dataset, run.photo_bytes);
+        let dataset = inputs.dataset;
+        let drawing = inputs.drawing();
+        let (photo_bytes, held_out_bytes) = divide_photo_bytes(dataset, inputs.photo_bytes);
         let views: Vec<&View> = dataset.train().collect();
         if views.is_empty() {
             return Err(Error::invalid(
@@ -93,45 +99,49 @@ impl<'a> Training<'a> {
                 "one or more; see `test_every`",
             ));
         }
-        let identity = RunIdentity::of(dataset, run.background, run.from.as_ref());
+        let identity = RunIdentity::of(dataset, inputs.background, inputs.from.as_ref());
         let mut photos = Pyramid::new(&views, photo_bytes, MIN_PX);
-        let spending = run.spending();
+        let spending = inputs.spending();
         let mut warnings = Vec::new();
-        let Checkpoint { state, visibility, mut meta } = match run.resume.take() {
+        let Checkpoint { state, visibility, mut meta } = match inputs.resume.take() {
             Some(mut checkpoint) => {
                 let before = std::mem::replace(&mut checkpoint.meta.identity, identity);
-                let differences =
-                    differences(&before, &checkpoint.meta.identity, &mut photos, run.force_resume)?;
+                let differences = differences(
+                    &before,
+                    &checkpoint.meta.identity,
+                    &mut photos,
+                    inputs.force_resume,
+                )?;
                 warnings = differences
                     .map(|difference| format!("resumed although {difference}"))
                     .collect();
                 checkpoint
             }
             None => {
-                run.options.validate()?;
-                start::first(&views, &run, identity, &mut photos)?
+                inputs.options.validate()?;
+                initial_checkpoint(&views, &inputs, identity, &mut photos)?
             }
         };
-        meta.pace = run.paced.map(|paced| paced.pace).or(meta.pace);
+        meta.pace = inputs.budget_control.map(|control| control.pace).or(meta.pace);
         if let (Some(pace), Some(spending)) = (&mut meta.pace, &spending) {
             // Pictures of a teacher, the shell, and what a resumed run reads again are no steps.
             pace.resume(spending.seconds());
         }
         // A scene that teaches itself stays in the frame of its file, so its provenance stays true.
         let own = |scene: ImportedScene| (dataset.kind == DatasetKind::Drawn).then_some(scene);
-        let taught = run.from.and_then(own).map(|scene| (scene.provenance, scene.cameras));
+        let own_origin = inputs.from.and_then(own).map(|scene| (scene.provenance, scene.cameras));
         let space = meta.space();
         let mut training = Self {
             card: None,
             warnings,
             spending,
             dataset,
-            taught,
+            own_origin,
             drawing,
-            outputs: run.outputs,
-            until_step: run.until_step.unwrap_or(u64::MAX),
+            outputs: inputs.outputs,
+            until_step: inputs.until_step.unwrap_or(u64::MAX),
             held_out_bytes,
-            known: None,
+            anchors: None,
             cameras: views.iter().map(|v| space.camera_to_training(&v.camera)).collect(),
             photos,
             order: Vec::new(),
@@ -148,7 +158,7 @@ impl<'a> Training<'a> {
         Ok(training)
     }
 
-    /// Gives the present state to the backend.
+    /// Moves a state into the backend.
     fn load(&mut self, state: OptimizerState) -> Result<()> {
         if self.backend.can_be_lost() {
             let visibility = self.visibility.clone();
@@ -202,7 +212,7 @@ impl<'a> Training<'a> {
         self.meta.space()
     }
 
-    /// How to draw the present scene: with the window, order and alpha cap of the last step.
+    /// Drawing options of the present scene: window, order and alpha cap of the last step.
     pub(super) fn drawing(&self) -> SoftOptions {
         let last = self.meta.step.max(1) - 1;
         let rates = Schedule::new(&self.meta.options).rates(last);
@@ -248,7 +258,7 @@ impl<'a> Training<'a> {
         let mut id = None;
         if self.photos.is_cut(index) && pixels.alpha.is_some() {
             // With only one background, triangles of its colour would pass for background.
-            let behind = background(self.meta.options.seed, self.meta.step);
+            let behind = random_background(self.meta.options.seed, self.meta.step);
             pixels = Arc::new(pixels.recomposited(behind));
             rates.background = Some(behind.map(|c| f32::from(c) / 255.0));
         } else {
@@ -266,7 +276,7 @@ impl<'a> Training<'a> {
         let first = self.visibility.record_photo(index);
         let photo = StepPhoto { camera: &camera, pixels: &pixels, first, id };
         if let Err(error) = self.backend.step(&photo, &rates) {
-            // It was not drawn.
+            // The photo was not drawn.
             self.visibility.drawn[index] = !first;
             return Err(error);
         }
@@ -281,7 +291,7 @@ impl<'a> Training<'a> {
 
     fn densify(&mut self) -> Result<Densified> {
         self.collect_visibility()?;
-        self.find_known_depth()?;
+        self.measure_anchors()?;
         let o = &self.meta.options;
         let schedule = Schedule::new(&self.meta.options);
         // Pruning uses the last drawing of the scene.
@@ -290,7 +300,7 @@ impl<'a> Training<'a> {
         let plan = densify::DensifyPlan {
             options: &o.densify,
             eyes: &eyes,
-            known: self.known.as_ref().filter(|known| !known.is_empty()),
+            anchors: self.anchors.as_ref().filter(|anchors| !anchors.is_empty()),
             max_triangles: usize::try_from(o.max_triangles).unwrap_or(usize::MAX),
             core: self.meta.core,
             grow: schedule.grows_after(self.meta.step),
@@ -309,20 +319,27 @@ impl<'a> Training<'a> {
         Ok(densified)
     }
 
-    /// Finds the surfaces whose place is known, at the first densification of a solid scene; parts
-    /// of scenes have none.
-    fn find_known_depth(&mut self) -> Result<()> {
+    /// Measures the depth anchors at the first densification of a solid scene; parts of scenes have
+    /// none.
+    fn measure_anchors(&mut self) -> Result<()> {
         let options = &self.meta.options;
         let schedule = Schedule::new(&self.meta.options);
         let due = schedule.is_opaque(self.meta.step - 1) && self.meta.core.is_none();
-        if due && self.known.is_none() {
+        if due && self.anchors.is_none() {
             // A resumed run sees the same pictures, though its own may be larger by now.
             let level = schedule.level(schedule.scaled(options.solid.opacity_until));
             let space = self.space();
-            let most = options.max_triangles;
+            let max_triangles = options.max_triangles;
             let cameras = &self.cameras;
             let photos = &mut self.photos;
-            self.known = Some(KnownDepth::of(self.dataset, &space, cameras, photos, level, most)?);
+            self.anchors = Some(DepthAnchors::new(
+                self.dataset,
+                &space,
+                cameras,
+                photos,
+                level,
+                max_triangles,
+            )?);
         }
         Ok(())
     }
@@ -330,9 +347,9 @@ impl<'a> Training<'a> {
     /// Moves the visibility of the last steps out of the backend.
     fn collect_visibility(&mut self) -> Result<()> {
         let recent = self.backend.take_visibility()?;
-        for (seen, counts) in [(&recent.first, true), (&recent.again, false)] {
-            if seen.max_weight.len() == self.visibility.len() {
-                self.visibility.merge(seen, counts, self.full_px);
+        for (importance, is_first) in [(&recent.first, true), (&recent.again, false)] {
+            if importance.max_weight.len() == self.visibility.len() {
+                self.visibility.merge(importance, is_first, self.full_px);
             }
         }
         self.visibility.add_errors(&recent.error);
@@ -369,7 +386,7 @@ impl<'a> Training<'a> {
     }
 
     /// Everything needed to resume elsewhere. If the backend has lost the scene, this is the state
-    /// that it was last given, after a densification or a checkpoint.
+    /// it was last loaded with, after a densification or a checkpoint.
     ///
     /// # Errors
     ///
@@ -407,64 +424,321 @@ impl<'a> Training<'a> {
         self.collect_figures(true)?;
         self.backend.store()
     }
+
+    /// Trains until the last step, or until `observer` stops it.
+    ///
+    /// # Errors
+    ///
+    /// Photos that cannot be decoded, with a checkpoint of all steps so far; a graphics card that
+    /// is lost or out of memory, with one of the last densification or checkpoint at least.
+    pub fn finish(mut self, observer: TrainObserver<'_>) -> Result<Trained> {
+        let held_out: Vec<&View> = self.dataset.test().collect();
+        let evaluator = Evaluator::new(&held_out, self.held_out_bytes)?;
+        let cpu_secs = self.meta.cpu_secs;
+        let mut record = Recorder::new(evaluator, self.outputs.clone(), cpu_secs, observer);
+        let end = self.make_steps(&mut record)?;
+        let cpu_secs = record.cpu_secs();
+        let scores = self.final_scores(&mut record, end.last_sample)?;
+        let (provenance, cameras) = self.origin();
+        let (soup, not_finite) = self.final_soup()?;
+        let samples = solid_samples(&self.drawing());
+        let Self { meta, spending, .. } = self;
+        let is_current = |(step, _): &(u64, _)| *step == meta.step;
+        Ok(Trained {
+            checkpoint: record.checkpoint.filter(is_current).map(|(_, path)| path),
+            soup,
+            provenance,
+            cameras,
+            steps: meta.step,
+            options: meta.options,
+            budget_control: meta
+                .pace
+                .zip(spending)
+                .map(|(pace, spending)| BudgetControl { pace, spending }),
+            curve: meta.curve,
+            scores,
+            samples,
+            photo_size: record.evaluator.shrunk,
+            dropped: meta.dropped,
+            cpu_secs,
+            exposure: meta.exposure.details(),
+            stopped: end.is_stopped,
+            lost: record.lost.into_iter().chain(not_finite).collect(),
+        })
+    }
+
+    /// Makes the steps until the last, or until the training is stopped.
+    fn make_steps(&mut self, record: &mut Recorder<'_>) -> Result<StepsEnd> {
+        let total = self.options().steps;
+        let sample_every = if self.outputs.sample_every == 0 {
+            total.div_ceil(100)
+        } else {
+            self.outputs.sample_every
+        };
+        let before = self.steps();
+        let mut end = StepsEnd { last_sample: None, is_stopped: false };
+        while !self.is_over() && !end.is_stopped {
+            match self.make_step(sample_every, record) {
+                Ok((sample, is_stopped)) => {
+                    end = StepsEnd { last_sample: Some(sample), is_stopped };
+                }
+                Err(error) => {
+                    // A photo that cannot be read loses no step.
+                    let written =
+                        (self.steps() > before).then(|| self.write_checkpoint(record)).flatten();
+                    return Err(with_remedy(error, written));
+                }
+            }
+        }
+        Ok(end)
+    }
+
+    /// True when no step is left.
+    fn is_over(&self) -> bool {
+        self.is_done() || self.steps() >= self.until_step
+    }
+
+    /// Makes a step and the outputs due after it, with a sample after every `sample_every` steps;
+    /// returns its sample, and true to stop.
+    fn make_step(
+        &mut self,
+        sample_every: u64,
+        record: &mut Recorder<'_>,
+    ) -> Result<(TrainSample, bool)> {
+        let (densified, width_px) = self.step()?;
+        let step = self.steps();
+        let evaluate_every = self.outputs.evaluate_every;
+        let is_due = |every: u64| every > 0 && step.is_multiple_of(every);
+        let is_kept = is_due(sample_every) || is_due(evaluate_every);
+        let mut sample = self.sample(record, width_px, is_kept)?;
+        let mut wants_scene = false;
+        record.tell(TrainEvent::Step { sample: &sample, wants_scene: &mut wants_scene });
+        if let Some(densified) = &densified {
+            record.tell(TrainEvent::Densified(sample.step, densified));
+        }
+        self.correct_pace(record)?;
+        let is_over = self.is_over();
+        let max_cpu_secs = self.outputs.max_cpu_secs;
+        let is_spent = max_cpu_secs > 0.0 && sample.cpu_secs >= max_cpu_secs;
+        let is_stopped = !is_over && (is_spent || record.stop_requested);
+        // `Training::final_scores` keeps and evaluates the last sample.
+        if !is_over && is_kept {
+            let kept = self.keep_sample(record, sample, is_due(evaluate_every))?;
+            if !is_stopped {
+                record.tell(TrainEvent::Sampled(&kept));
+            }
+        } else if is_over || is_stopped {
+            sample = self.sample(record, width_px, true)?;
+        }
+        if is_stopped || is_due(self.outputs.checkpoint_every) {
+            self.write_checkpoint(record);
+        }
+        record.preview(step, |evaluator| {
+            let soup = self.soup()?;
+            Ok(evaluator.first_picture(&soup, &self.space(), &self.drawing()))
+        });
+        if wants_scene {
+            let scene = record.uncounted(|_| self.scene())?;
+            record.tell(TrainEvent::Scene(&sample, Box::new(scene)));
+        }
+        Ok((sample, is_stopped))
+    }
+
+    /// The state after a step on a photo of `width_px`, with means since the last kept sample: over
+    /// all steps with `all`, else over the steps whose figures have been read.
+    fn sample(
+        &mut self,
+        record: &mut Recorder<'_>,
+        width_px: u32,
+        all: bool,
+    ) -> Result<TrainSample> {
+        let figures = self.figures(all || record.needs_figures())?;
+        record.add_figures(&figures);
+        Ok(TrainSample {
+            step: self.steps(),
+            triangles: self.triangles() as u64,
+            width_px,
+            dropped: self.meta.dropped,
+            ..record.sample()
+        })
+    }
+
+    /// Adds a sample to the curve, with the PSNR of the held-out photos if `evaluate`.
+    fn keep_sample(
+        &mut self,
+        record: &mut Recorder<'_>,
+        mut sample: TrainSample,
+        evaluate: bool,
+    ) -> Result<TrainSample> {
+        if evaluate {
+            let scores =
+                record.uncounted(|record| self.scores(&mut record.evaluator, usize::MAX))?;
+            sample.test_psnr = Quality::mean(&scores).map(|quality| quality.psnr);
+            sample.test_size = sample.test_psnr.and(record.evaluator.shrunk);
+        }
+        record.reset_means();
+        self.meta.curve.push(sample);
+        Ok(sample)
+    }
+
+    /// Scores of the first `max_photos` held-out photos.
+    fn scores(&mut self, evaluator: &mut Evaluator, max_photos: usize) -> Result<Vec<PhotoScore>> {
+        if evaluator.views.is_empty() {
+            return Ok(Vec::new());
+        }
+        let drawing = self.drawing();
+        if self.draws(&drawing) {
+            let draw = |camera: &Camera, drawing: &SoftOptions| self.picture(camera, drawing);
+            return evaluator.scores_of(max_photos, &drawing, draw);
+        }
+        let soup = self.soup()?;
+        evaluator.scores(max_photos, &soup, &self.space(), &drawing)
+    }
+
+    /// Evaluates the present scene, and ends the curve with the `last` sample.
+    fn final_scores(
+        &mut self,
+        record: &mut Recorder<'_>,
+        last: Option<TrainSample>,
+    ) -> Result<Vec<PhotoScore>> {
+        let scores = self.scores(&mut record.evaluator, usize::MAX)?;
+        if let Some(last) = last {
+            let test_psnr = Quality::mean(&scores).map(|quality| quality.psnr);
+            let test_size = test_psnr.and(record.evaluator.shrunk);
+            let sample = TrainSample { test_psnr, test_size, ..last };
+            self.meta.curve.pop_if(|kept| kept.step == sample.step);
+            self.meta.curve.push(sample);
+            record.tell(TrainEvent::Sampled(&sample));
+        }
+        Ok(scores)
+    }
+
+    /// Seconds on the clock of a budget for the evaluation at the end, by that of one photo, which
+    /// counts too.
+    fn evaluation_secs(&mut self, record: &mut Recorder<'_>, clock: &Spending) -> Result<f64> {
+        let before = clock.seconds();
+        record.uncounted(|record| self.scores(&mut record.evaluator, 1))?;
+        Ok((clock.seconds() - before) * (record.evaluator.views.len() + 1) as f64)
+    }
+
+    /// Writes a checkpoint, if the training writes any; returns its step and path.
+    fn write_checkpoint(&mut self, record: &mut Recorder<'_>) -> Option<(u64, PathBuf)> {
+        if !record.writes_checkpoints() {
+            return None;
+        }
+        let checkpoint = self.checkpoint(record.cpu_secs());
+        record.write_checkpoint(checkpoint)
+    }
+
+    /// The present scene, as in its file.
+    fn scene(&mut self) -> Result<ImportedScene> {
+        let (provenance, cameras) = self.origin();
+        let (soup, _) = self.final_soup()?;
+        Ok(ImportedScene { provenance, cameras, ..ImportedScene::from(soup) })
+    }
+
+    /// The trained triangles, with the shell flagged. Triangles that are no longer finite are left
+    /// out and counted in a note.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Training::soup`]; no triangle is left.
+    fn final_soup(&mut self) -> Result<(Soup, Option<String>)> {
+        let frozen = self.meta.frozen;
+        let pinned = self.meta.pinned;
+        let mut soup = self.soup()?.split_off(frozen);
+        soup.set_shell(0..pinned - frozen);
+        let all = soup.len();
+        if all == 0 && self.meta.core.is_none() {
+            let reason = "gives a scene without triangles: its photos show nothing in the same place; check their poses";
+            return Err(Error::unsupported(&self.dataset.path, reason));
+        }
+        let gone = soup.retain_finite();
+        if gone == all && all > 0 {
+            let expected = "lower ones: no triangle has finite numbers any more";
+            return Err(Error::invalid("rates", "too high for this scene", expected));
+        }
+        let lost = (gone > 0).then(|| {
+            format!(
+                "{gone} of {all} triangles, whose numbers are no longer finite: lower the rates"
+            )
+        });
+        Ok((soup, lost))
+    }
+
+    /// Provenance and cameras of the scene; if it teaches itself, from its file.
+    fn origin(&self) -> (Provenance, Vec<Camera>) {
+        match self.own_origin.clone() {
+            Some((provenance, cameras)) => {
+                let ours = Some(generator());
+                (Provenance { generator: ours.clone(), trainer: ours, ..provenance }, cameras)
+            }
+            None => {
+                let exposure =
+                    self.meta.exposure.verdict.map(|verdict| verdict.strengths.to_array());
+                let provenance = Provenance { exposure, ..provenance(self.dataset) };
+                (provenance, self.dataset.train().map(|view| view.camera).collect())
+            }
+        }
+    }
+
+    /// Chooses the remaining steps anew at a milestone.
+    fn correct_pace(&mut self, record: &mut Recorder<'_>) -> Result<()> {
+        let Some(spending) = self.spending else { return Ok(()) };
+        let step = self.steps();
+        let triangles = self.triangles() as u64;
+        let spent = spending.seconds();
+        let is_last = self.options().milestones.last() == Some(&step);
+        let reserve = is_last.then(|| self.evaluation_secs(record, &spending)).transpose()?;
+        let Some(pace) = &mut self.meta.pace else { return Ok(()) };
+        pace.reserve_secs = reserve.or(pace.reserve_secs);
+        if let Some(options) = pace.corrected(step, spent, triangles, &self.meta.options) {
+            (self.meta.options.steps, self.meta.options.milestones) =
+                (options.steps, options.milestones);
+            if let Some(correction) = pace.corrections.last() {
+                record.tell(TrainEvent::Corrected(correction));
+            }
+        }
+        Ok(())
+    }
 }
 
-/// The background of an object at a step, sRGB-encoded: each channel is 0 or 255. Colours between
-/// are nearer to the object's, and so tell less about where it ends: files are up to 0.5 dB worse
-/// with them (docs/benchmarks/figures.md).
-fn background(seed: u64, step: u64) -> [u8; 3] {
+/// The end of the steps.
+struct StepsEnd {
+    /// The last sample; `None` if no step was made.
+    last_sample: Option<TrainSample>,
+    is_stopped: bool,
+}
+
+/// The error of a run. If a graphics card failed, it says how to continue from the last checkpoint.
+fn with_remedy(error: Error, checkpoint: Option<(u64, PathBuf)>) -> Error {
+    match (error, checkpoint) {
+        (error @ (Error::Gpu(_) | Error::TooLarge { .. }), Some((step, path))) => Error::Card {
+            error: Box::new(error),
+            remedy: format!(
+                "to continue from step {step}: `backend` cpu `resume` {}",
+                path.display()
+            ),
+        },
+        (error, _) => error,
+    }
+}
+
+/// The random background of an object at a step, sRGB-encoded: each channel is 0 or 255. Colours
+/// between are nearer to the object's, and so tell less about its outline: files are up to 0.5 dB
+/// worse with them (docs/benchmarks/figures.md).
+fn random_background(seed: u64, step: u64) -> [u8; 3] {
     let rng = Rng::new(seed, "background", step);
     [0, 1, 2].map(|channel| if rng.uniform(channel) < 0.5 { 0 } else { 255 })
 }
 
 /// The memory for photos, divided between training and held-out photos in proportion to their
 /// bytes.
-fn shares(dataset: &Dataset, photo_bytes: u64) -> (u64, u64) {
+fn divide_photo_bytes(dataset: &Dataset, photo_bytes: u64) -> (u64, u64) {
     let bytes = |view: &View| u128::from(view.photo.most_bytes());
     let (train, test): (u128, u128) =
         (dataset.train().map(bytes).sum(), dataset.test().map(bytes).sum());
     let held_out = u128::from(photo_bytes) * test / (train + test).max(1);
     let held_out = u64::try_from(held_out).unwrap_or(photo_bytes);
     (photo_bytes - held_out, held_out)
-}
-
-/// Differences of the inputs `now` from those of a checkpoint, one sentence each. Photos that its
-/// run has used are decoded.
-///
-/// # Errors
-///
-/// Photos of other names; without `force`, any difference; photos that cannot be decoded.
-fn differences(
-    before: &RunIdentity,
-    now: &RunIdentity,
-    photos: &mut Pyramid,
-    force: bool,
-) -> Result<impl Iterator<Item = String> + use<>> {
-    if !now.photos.iter().map(|photo| &photo.name).eq(before.photos.iter().map(|photo| &photo.name))
-    {
-        let value = format!("of {} other photos", before.photos.len());
-        return Err(Error::invalid(
-            "resume",
-            value,
-            "a checkpoint of this data set with this split",
-        ));
-    }
-    let checked = |difference: Option<String>| match difference.filter(|_| !force) {
-        Some(difference) => {
-            let wants =
-                "the photos and options of its run, or `force_resume` to continue with others";
-            Err(Error::invalid("resume", format!("of another run: {difference}"), wants))
-        }
-        None => Ok(()),
-    };
-    let inputs = before.difference(now);
-    checked(inputs.clone())?;
-    let known = before.photos.iter().enumerate().filter_map(|(i, photo)| Some((i, photo.pixels?)));
-    let changed = photos.first_changed(&known.collect::<Vec<_>>())?;
-    let pixels = changed.map(|i| {
-        let name = &before.photos[i].name;
-        format!("its photo {name} has other pixels (`masks` and `background` count too)")
-    });
-    checked(pixels.clone())?;
-    Ok(inputs.into_iter().chain(pixels))
 }

@@ -1,9 +1,8 @@
-//! More points whose place is known: tracked points spread over the surfaces around them, where
-//! photos agree.
+//! PatchMatch propagation: tracked points spread over the surfaces around them, where photos agree.
 //!
 //! In each photo planes go from cell to neighbouring cell, the best match first (Goesele et al.
 //! 2007, Furukawa and Ponce 2010). Depth and tilt of each follow the normalised correlation with
-//! other photos. A point stays where three photos found it.
+//! other photos. A point stays where three photos agree on it.
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
@@ -16,36 +15,36 @@ use trisplat_scene::image::RgbImage;
 /// Offsets of a patch's samples, px: every second one of 7 by 7.
 const REACH: i32 = 3;
 const SAMPLES: usize = 25;
-/// Minimum deviation of the greys of a patch, in [0, 1].
+/// Minimum standard deviation of the grays of a patch, in [0, 1].
 const MIN_DEVIATION: f32 = 0.012;
-/// Difference of greys at which a sample counts less than its middle by the factor e^-0.5.
-const SAME_GREY: f32 = 0.12;
+/// Difference from the gray of the middle at which a sample has the weight e^-0.5.
+const GRAY_SIGMA: f32 = 0.12;
 /// Minimum correlation of a match.
-const MIN_MATCH: f32 = 0.8;
-/// Photos that a patch is compared with.
-const OTHERS: usize = 4;
+const MIN_CORRELATION: f32 = 0.8;
+/// Maximum number of photos that a patch is compared with.
+const MAX_NEIGHBOURS: usize = 4;
 /// Best angle between two photos that show a point, radians: 10 degrees.
 const BEST_ANGLE: f32 = 0.17;
-/// Trials of a cell.
+/// Maximum number of planes that a cell tries from its neighbours.
 const MAX_TRIALS: u8 = 3;
-/// Depths of one surface in two photos differ by less, as a share.
-const SAME_DEPTH: f32 = 0.007;
-/// Photos that agree on a point.
+/// Largest difference of the depths of one surface in two photos, as a share.
+const DEPTH_TOLERANCE: f32 = 0.007;
+/// Minimum number of photos that agree on a point.
 const MIN_PHOTOS: usize = 3;
-/// Cosine of the flattest angle at which a plane is seen.
-const FLATTEST: f32 = 0.25;
-/// Changes of depth that are tried, as shares, one after the other.
+/// Minimum cosine between a plane's normal and the direction to its photo.
+const MIN_VIEW_COSINE: f32 = 0.25;
+/// Trial changes of depth, as shares, one after the other.
 const DEPTH_CHANGES: [f32; 2] = [0.01, 0.004];
-/// Change of tilt that is tried.
+/// Trial change of the normal.
 const TILT: f32 = 0.25;
 /// Minimum side of a cell, px.
-const MIN_CELL: u32 = 3;
+const MIN_CELL_SIDE: u32 = 3;
 /// Cells of all photos per triangle of the scene: about a tenth become points.
-const CELLS: u64 = 4;
+const CELLS_PER_TRIANGLE: u64 = 4;
 
 /// A tracked point in a photo.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Seed {
+pub(crate) struct SeedPoint {
     /// The photo.
     pub(crate) photo: u32,
     /// Number of the point.
@@ -56,7 +55,7 @@ pub(crate) struct Seed {
 
 /// A point of a surface.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct KnownPoint {
+pub(crate) struct SurfacePoint {
     /// Place, in training space.
     pub(crate) position: Vec3,
     /// sRGB-encoded colour.
@@ -67,28 +66,28 @@ pub(crate) struct KnownPoint {
 
 /// A point and the photos that show it.
 #[derive(Debug)]
-pub(crate) struct GrownPoint {
-    pub(crate) point: KnownPoint,
+pub(crate) struct MatchedPoint {
+    pub(crate) point: SurfacePoint,
     /// In rising order.
     pub(crate) photos: Vec<u32>,
 }
 
-/// A photo in grey.
+/// A photo in shades of gray.
 #[derive(Debug)]
-pub(crate) struct Grey {
+pub(crate) struct GrayImage {
     pub(super) camera: Camera,
     /// Greys in [0, 1]. `[H * W]`
     value: Vec<f32>,
     photo: Arc<RgbImage>,
 }
 
-impl Grey {
+impl GrayImage {
     /// `photo`, taken by `camera` at any size.
     pub(crate) fn new(camera: &Camera, photo: Arc<RgbImage>) -> Self {
-        let grey = |[r, g, b]: [u8; 3]| {
+        let gray = |[r, g, b]: [u8; 3]| {
             (0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)) / 255.0
         };
-        let value = photo.rgb.iter().map(|rgb| grey(*rgb)).collect();
+        let value = photo.rgb.iter().map(|rgb| gray(*rgb)).collect();
         Self { camera: camera.resized(photo.size), value, photo }
     }
 
@@ -105,19 +104,19 @@ impl Grey {
         Some(Vec3::from(self.photo.rgb[self.index(at)].map(f32::from)) / 255.0)
     }
 
-    /// Whether a pixel is not masked.
-    pub(super) fn counts(&self, at: Vec2) -> bool {
+    /// True for a pixel that no mask excludes.
+    pub(super) fn is_unmasked(&self, at: Vec2) -> bool {
         self.photo.alpha.as_ref().is_none_or(|alpha| alpha[self.index(at)] > 127)
     }
 
-    /// Bilinear greys; `None` if one is outside.
+    /// Bilinear grays; `None` if one is outside.
     fn sample(&self, at: &[Vec2; SAMPLES]) -> Option<[f32; SAMPLES]> {
         let width = self.camera.size.x as usize;
-        let most = self.camera.size.as_vec2() - 1.0;
+        let last = self.camera.size.as_vec2() - 1.0;
         let mut out = [0.0; SAMPLES];
         for (out, at) in out.iter_mut().zip(at) {
             let p = *at - 0.5;
-            if !(p.x >= 0.0 && p.y >= 0.0 && p.x < most.x && p.y < most.y) {
+            if !(p.x >= 0.0 && p.y >= 0.0 && p.x < last.x && p.y < last.y) {
                 return None;
             }
             let i = p.x as usize;
@@ -134,12 +133,14 @@ impl Grey {
     }
 }
 
-/// The places of a patch's samples around its middle, px.
+/// Offsets of a patch's samples from its middle, px.
 fn offsets() -> [Vec2; SAMPLES] {
     let mut out = [Vec2::ZERO; SAMPLES];
     let square = (-REACH..=REACH).flat_map(|y| (-REACH..=REACH).map(move |x| (x, y)));
     let chosen = square.filter(|(x, y)| (x + y) % 2 == 0);
-    out.iter_mut().zip(chosen).for_each(|(out, (x, y))| *out = Vec2::new(x as f32, y as f32));
+    for (out, (x, y)) in out.iter_mut().zip(chosen) {
+        *out = Vec2::new(x as f32, y as f32);
+    }
     out
 }
 
@@ -148,8 +149,8 @@ pub(super) fn ray(camera: &Camera, at: Vec2) -> Vec3 {
     ((at - camera.center) / camera.focal).extend(1.0)
 }
 
-/// The greys around a place.
-pub(super) struct Patch {
+/// The grays around a pixel.
+pub(super) struct PhotoPatch {
     /// Weights of the samples; they sum to 1.
     weights: [f32; SAMPLES],
     /// Weights times differences from the mean, as shares of the deviation.
@@ -160,9 +161,9 @@ fn weighted(weights: &[f32; SAMPLES], values: &[f32; SAMPLES]) -> f32 {
     weights.iter().zip(values).map(|(weight, value)| weight * value).sum()
 }
 
-/// A plane through a surface, seen from a photo.
+/// A plane through a surface, in the frame of a photo.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Plane {
+pub(super) struct PatchPlane {
     pub(super) depth: f32,
     /// Unit normal towards the photo, in its axes.
     pub(super) normal: Vec3,
@@ -170,21 +171,21 @@ pub(super) struct Plane {
     pub(super) score: f32,
 }
 
-impl Plane {
-    /// Its depth on the ray `to`, where `depth` is that on the ray `from`.
+impl PatchPlane {
+    /// Depth on the ray `to`, if `depth` is the depth on the ray `from`.
     fn depth_on(&self, from: Vec3, to: Vec3) -> f32 {
         self.depth * self.normal.dot(from) / self.normal.dot(to)
     }
 }
 
-/// The cells of a photo.
+/// The cells of a photo, one plane each.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Cells {
+pub(super) struct DepthCells {
     size: UVec2,
     side: u32,
 }
 
-impl Cells {
+impl DepthCells {
     fn new(camera: &Camera, side: u32) -> Self {
         Self { size: camera.size / side, side }
     }
@@ -203,7 +204,7 @@ impl Cells {
         cell.cmplt(self.size).all().then(|| cell.y * self.size.x + cell.x)
     }
 
-    /// The cells at the four sides of one.
+    /// The cells at the four sides of a cell.
     fn around(self, cell: u32) -> impl Iterator<Item = u32> {
         let x = cell % self.size.x;
         let y = cell / self.size.x;
@@ -217,37 +218,37 @@ impl Cells {
     }
 }
 
-/// A photo to compare with, and the way there.
-struct Other<'a> {
-    photo: &'a Grey,
+/// A photo to compare with, and the transform into its frame.
+struct NeighbourPhoto<'a> {
+    photo: &'a GrayImage,
     turn: Mat3,
     shift: Vec3,
 }
 
-/// Growth within one photo.
-pub(super) struct Growth<'a> {
-    pub(super) own: &'a Grey,
-    others: Vec<Other<'a>>,
-    pub(super) cells: Cells,
+/// Propagation of planes within one photo.
+pub(super) struct Propagation<'a> {
+    pub(super) own: &'a GrayImage,
+    neighbours: Vec<NeighbourPhoto<'a>>,
+    pub(super) cells: DepthCells,
     offsets: [Vec2; SAMPLES],
-    pub(super) planes: Vec<Option<Plane>>,
-    /// Cells to grow from by the bits of their score, which is above 0: the best first, then the
-    /// lowest.
+    pub(super) planes: Vec<Option<PatchPlane>>,
+    /// Cells to go on from, by the bits of their score, which is above 0: the best first, then the
+    /// lowest index.
     queue: BinaryHeap<(u32, Reverse<u32>)>,
 }
 
-impl<'a> Growth<'a> {
-    fn new(photos: &'a [Grey], own: usize, others: &[usize], side: u32) -> Self {
+impl<'a> Propagation<'a> {
+    fn new(photos: &'a [GrayImage], own: usize, neighbours: &[usize], side: u32) -> Self {
         let own = &photos[own];
         let to = |k: &usize| {
             let turn = photos[*k].camera.rotation * own.camera.rotation.transpose();
             let shift = photos[*k].camera.translation - turn * own.camera.translation;
-            Other { photo: &photos[*k], turn, shift }
+            NeighbourPhoto { photo: &photos[*k], turn, shift }
         };
-        let cells = Cells::new(&own.camera, side);
+        let cells = DepthCells::new(&own.camera, side);
         Self {
             own,
-            others: others.iter().map(to).collect(),
+            neighbours: neighbours.iter().map(to).collect(),
             cells,
             offsets: offsets(),
             planes: vec![None; cells.len()],
@@ -255,19 +256,19 @@ impl<'a> Growth<'a> {
         }
     }
 
-    /// Begins at tracked points.
-    fn plant(&mut self, seeds: &[Seed]) {
+    /// Gives the cells of tracked points their first planes.
+    fn seed_planes(&mut self, seeds: &[SeedPoint]) {
         let camera = &self.own.camera;
         for seed in seeds {
             let Some((at, depth)) = camera.project(seed.position) else { continue };
             let Some(cell) = self.cells.at(at) else { continue };
             let normal = -ray(camera, at).normalize();
-            self.offer(cell, Plane { depth, normal, score: 0.0 });
+            self.try_plane(cell, PatchPlane { depth, normal, score: 0.0 });
         }
     }
 
-    /// Goes from cell to cell; returns the plane of each.
-    fn run(mut self) -> Vec<Option<Plane>> {
+    /// Spreads planes from cell to cell; returns the plane of each.
+    fn run(mut self) -> Vec<Option<PatchPlane>> {
         let camera = &self.own.camera;
         let mut trials = vec![0u8; self.planes.len()];
         while let Some((score, Reverse(cell))) = self.queue.pop() {
@@ -279,79 +280,80 @@ impl<'a> Growth<'a> {
             let from = ray(camera, self.cells.middle(cell));
             let cells = self.cells;
             for next in cells.around(cell) {
-                let better = self.planes[next as usize].is_none_or(|there| there.score < score);
-                if !better || trials[next as usize] == MAX_TRIALS {
+                let is_better = self.planes[next as usize].is_none_or(|plane| plane.score < score);
+                if !is_better || trials[next as usize] == MAX_TRIALS {
                     continue;
                 }
                 trials[next as usize] += 1;
                 let depth = plane.depth_on(from, ray(camera, self.cells.middle(next)));
-                self.offer(next, Plane { depth, ..plane });
+                self.try_plane(next, PatchPlane { depth, ..plane });
             }
         }
         self.planes
     }
 
-    /// Adjusts a plane to the photos, and keeps it if it is the best of its cell.
-    pub(super) fn offer(&mut self, cell: u32, plane: Plane) {
+    /// Refines a plane, and keeps it if it is the best of its cell.
+    pub(super) fn try_plane(&mut self, cell: u32, plane: PatchPlane) {
         let at = self.cells.middle(cell);
-        if !(plane.depth > 0.0 && self.own.counts(at)) {
+        if !(plane.depth > 0.0 && self.own.is_unmasked(at)) {
             return;
         }
         let Some(patch) = self.patch(at) else { return };
-        let found = self.adjusted(at, plane, &patch);
-        let best = self.planes[cell as usize].is_none_or(|there| there.score < found.score);
-        if found.score > MIN_MATCH && best {
-            self.planes[cell as usize] = Some(found);
-            self.queue.push((found.score.to_bits(), Reverse(cell)));
+        let plane = self.refined(at, plane, &patch);
+        let is_best = self.planes[cell as usize].is_none_or(|before| before.score < plane.score);
+        if plane.score > MIN_CORRELATION && is_best {
+            self.planes[cell as usize] = Some(plane);
+            self.queue.push((plane.score.to_bits(), Reverse(cell)));
         }
     }
 
-    /// The greys around a place; `None` at the border and without texture.
-    pub(super) fn patch(&self, at: Vec2) -> Option<Patch> {
-        let mut greys = self.own.sample(&self.offsets.map(|offset| at + offset))?;
-        // Of the middle's own surface: beside an outline the rest is of another, at another depth
-        // (Yoon and Kweon 2006).
-        let middle = greys[SAMPLES / 2];
-        let mut weights = greys.map(|grey| (-0.5 * ((grey - middle) / SAME_GREY).powi(2)).exp());
+    /// The grays around a pixel; `None` at the border and without texture.
+    pub(super) fn patch(&self, at: Vec2) -> Option<PhotoPatch> {
+        let mut grays = self.own.sample(&self.offsets.map(|offset| at + offset))?;
+        // Weights favour the surface in the middle: across an outline another one lies at another
+        // depth (Yoon and Kweon 2006).
+        let middle = grays[SAMPLES / 2];
+        let mut weights = grays.map(|gray| (-0.5 * ((gray - middle) / GRAY_SIGMA).powi(2)).exp());
         let total: f32 = weights.iter().sum();
-        weights.iter_mut().for_each(|weight| *weight /= total);
-        let mean = weighted(&weights, &greys);
-        greys.iter_mut().for_each(|grey| *grey -= mean);
+        weights = weights.map(|weight| weight / total);
+        let mean = weighted(&weights, &grays);
+        grays = grays.map(|gray| gray - mean);
         let deviation =
-            greys.iter().zip(&weights).map(|(d, weight)| weight * d * d).sum::<f32>().sqrt();
-        let products = std::array::from_fn(|i| weights[i] * greys[i] / deviation);
-        (deviation > MIN_DEVIATION).then_some(Patch { weights, products })
+            grays.iter().zip(&weights).map(|(d, weight)| weight * d * d).sum::<f32>().sqrt();
+        let products = std::array::from_fn(|i| weights[i] * grays[i] / deviation);
+        (deviation > MIN_DEVIATION).then_some(PhotoPatch { weights, products })
     }
 
-    /// The best of a plane and its changes.
-    fn adjusted(&self, at: Vec2, plane: Plane, patch: &Patch) -> Plane {
+    /// The best of a plane and its trial changes.
+    fn refined(&self, at: Vec2, plane: PatchPlane, patch: &PhotoPatch) -> PatchPlane {
         let from = ray(&self.own.camera, at);
         let towards = -from.normalize();
         let (right, up) = towards.any_orthonormal_pair();
-        let scored = |plane: Plane| Plane { score: self.score(from, plane, patch), ..plane };
-        let better = |a: Plane, b: Plane| if b.score > a.score { b } else { a };
+        let scored =
+            |plane: PatchPlane| PatchPlane { score: self.score(from, plane, patch), ..plane };
+        let better = |a: PatchPlane, b: PatchPlane| if b.score > a.score { b } else { a };
         let mut best = scored(plane);
         for by in DEPTH_CHANGES {
             let middle = best;
             for factor in [1.0 - by, 1.0 + by] {
-                best = better(best, scored(Plane { depth: middle.depth * factor, ..middle }));
+                best = better(best, scored(PatchPlane { depth: middle.depth * factor, ..middle }));
             }
         }
         for tilt in [right, -right, up, -up] {
             let normal = (best.normal + TILT * tilt).normalize();
-            if normal.dot(towards) > FLATTEST {
-                best = better(best, scored(Plane { normal, ..best }));
+            if normal.dot(towards) > MIN_VIEW_COSINE {
+                best = better(best, scored(PatchPlane { normal, ..best }));
             }
         }
         best
     }
 
     /// Mean of the two best correlations of a patch with other photos: one of them may be hidden.
-    pub(super) fn score(&self, from: Vec3, plane: Plane, patch: &Patch) -> f32 {
+    pub(super) fn score(&self, from: Vec3, plane: PatchPlane, patch: &PhotoPatch) -> f32 {
         let normal = plane.normal / (plane.depth * plane.normal.dot(from));
         let mut best = [-1.0f32; 2];
-        for other in &self.others {
-            let Other { photo, turn, shift } = other;
+        for other in &self.neighbours {
+            let NeighbourPhoto { photo, turn, shift } = other;
             let across =
                 *turn + Mat3::from_cols(*shift * normal.x, *shift * normal.y, *shift * normal.z);
             let score = self.correlation(photo, &across, from, patch);
@@ -366,7 +368,7 @@ impl<'a> Growth<'a> {
 
     /// Normalised correlation of a patch with its image under the homography `across`; -1 outside
     /// the other photo.
-    fn correlation(&self, other: &Grey, across: &Mat3, from: Vec3, patch: &Patch) -> f32 {
+    fn correlation(&self, other: &GrayImage, across: &Mat3, from: Vec3, patch: &PhotoPatch) -> f32 {
         let own = &self.own.camera;
         let camera = &other.camera;
         let middle = *across * from;
@@ -376,14 +378,14 @@ impl<'a> Growth<'a> {
             return -1.0;
         }
         let at = self.offsets.map(|offset| {
-            let seen = middle + right * offset.x + down * offset.y;
-            seen.truncate() / seen.z * camera.focal + camera.center
+            let ray = middle + right * offset.x + down * offset.y;
+            ray.truncate() / ray.z * camera.focal + camera.center
         });
-        let Some(there) = other.sample(&at) else { return -1.0 };
-        let mean = weighted(&patch.weights, &there);
+        let Some(grays) = other.sample(&at) else { return -1.0 };
+        let mean = weighted(&patch.weights, &grays);
         let mut square = 1e-8f32;
         let mut product = 0.0f32;
-        for ((value, weight), share) in there.iter().zip(&patch.weights).zip(&patch.products) {
+        for ((value, weight), share) in grays.iter().zip(&patch.weights).zip(&patch.products) {
             let difference = value - mean;
             square += weight * difference * difference;
             product += share * difference;
@@ -393,53 +395,66 @@ impl<'a> Growth<'a> {
 }
 
 /// The points on which three photos agree, for a scene of this many triangles.
-pub(crate) fn grow(photos: &[Grey], seeds: &[Seed], triangles: u64) -> Vec<GrownPoint> {
-    let of_photo = by_photo(photos.len(), seeds);
-    let begin = |growth: &mut Growth<'_>, own: usize| growth.plant(&of_photo[own]);
-    let same = |found: f32, depth: f32| (found / depth - 1.0).abs() < SAME_DEPTH;
-    spread(photos, &others(photos, &of_photo), CELLS.saturating_mul(triangles), begin, same)
+pub(crate) fn propagate(
+    photos: &[GrayImage],
+    seeds: &[SeedPoint],
+    triangles: u64,
+) -> Vec<MatchedPoint> {
+    let of_photo = group_by_photo(photos.len(), seeds);
+    let begin = |photo: &mut Propagation<'_>, own: usize| photo.seed_planes(&of_photo[own]);
+    let is_same = |a: f32, b: f32| (a / b - 1.0).abs() < DEPTH_TOLERANCE;
+    propagate_planes(
+        photos,
+        &neighbours(photos, &of_photo),
+        CELLS_PER_TRIANGLE.saturating_mul(triangles),
+        begin,
+        is_same,
+    )
 }
 
-pub(super) fn by_photo(count: usize, seeds: &[Seed]) -> Vec<Vec<Seed>> {
-    let mut of_photo: Vec<Vec<Seed>> = vec![Vec::new(); count];
-    seeds.iter().for_each(|seed| of_photo[seed.photo as usize].push(*seed));
+pub(super) fn group_by_photo(count: usize, seeds: &[SeedPoint]) -> Vec<Vec<SeedPoint>> {
+    let mut of_photo: Vec<Vec<SeedPoint>> = vec![Vec::new(); count];
+    for seed in seeds {
+        of_photo[seed.photo as usize].push(*seed);
+    }
     of_photo
 }
 
-/// The planes that go from where each photo's growth begins over at most this many cells, where
-/// three photos agree.
-pub(super) fn spread(
-    photos: &[Grey],
-    others: &[Vec<usize>],
-    most: u64,
-    begin: impl Fn(&mut Growth<'_>, usize) + Sync,
-    same: impl Fn(f32, f32) -> bool,
-) -> Vec<GrownPoint> {
+/// Spreads planes within each photo, from those of `begin`, over at most `max_cells` cells of all
+/// photos; returns the points on which three photos agree. `is_same` compares two depths in a photo.
+pub(super) fn propagate_planes(
+    photos: &[GrayImage],
+    neighbours: &[Vec<usize>],
+    max_cells: u64,
+    begin: impl Fn(&mut Propagation<'_>, usize) + Sync,
+    is_same: impl Fn(f32, f32) -> bool,
+) -> Vec<MatchedPoint> {
     let count = |side: u32| {
-        photos.iter().map(|photo| Cells::new(&photo.camera, side).len() as u64).sum::<u64>()
+        photos.iter().map(|photo| DepthCells::new(&photo.camera, side).len() as u64).sum::<u64>()
     };
-    let side = (MIN_CELL..).find(|side| count(*side) <= most).unwrap_or(u32::MAX);
+    let side = (MIN_CELL_SIDE..).find(|side| count(*side) <= max_cells).unwrap_or(u32::MAX);
     let of_photo = |own: usize| {
-        let mut growth = Growth::new(photos, own, &others[own], side);
-        begin(&mut growth, own);
-        growth.run()
+        let mut photo = Propagation::new(photos, own, &neighbours[own], side);
+        begin(&mut photo, own);
+        photo.run()
     };
-    let maps: Vec<Vec<Option<Plane>>> = (0..photos.len()).into_par_iter().map(of_photo).collect();
-    agreed(photos, &maps, side, same)
+    let maps: Vec<Vec<Option<PatchPlane>>> =
+        (0..photos.len()).into_par_iter().map(of_photo).collect();
+    consistent_points(photos, &maps, side, is_same)
 }
 
-/// The photos to compare each with: those that show most of its points from an angle near the best.
-pub(super) fn others(photos: &[Grey], of_photo: &[Vec<Seed>]) -> Vec<Vec<usize>> {
+/// Chooses the photos to compare each photo with: they share most of its points, from an angle near
+/// the best.
+pub(super) fn neighbours(photos: &[GrayImage], of_photo: &[Vec<SeedPoint>]) -> Vec<Vec<usize>> {
     let points = of_photo.iter().flatten().map(|seed| seed.point as usize + 1).max().unwrap_or(0);
     let mut shown_by: Vec<Vec<usize>> = vec![Vec::new(); points];
-    of_photo
-        .iter()
-        .flatten()
-        .for_each(|seed| shown_by[seed.point as usize].push(seed.photo as usize));
+    for seed in of_photo.iter().flatten() {
+        shown_by[seed.point as usize].push(seed.photo as usize);
+    }
     let eyes: Vec<Vec3> = photos.iter().map(|photo| photo.camera.position()).collect();
     let best = |own: usize| {
         let mut weights = vec![0.0f32; photos.len()];
-        for Seed { point, position, .. } in &of_photo[own] {
+        for SeedPoint { point, position, .. } in &of_photo[own] {
             for &other in shown_by[*point as usize].iter().filter(|other| **other != own) {
                 let angle = (eyes[own] - position).angle_between(eyes[other] - position).max(1e-3);
                 weights[other] += (angle / BEST_ANGLE).min(BEST_ANGLE / angle);
@@ -448,24 +463,25 @@ pub(super) fn others(photos: &[Grey], of_photo: &[Vec<Seed>]) -> Vec<Vec<usize>>
         let mut order: Vec<usize> =
             (0..photos.len()).filter(|other| weights[*other] > 0.0).collect();
         order.sort_by(|a, b| weights[*b].total_cmp(&weights[*a]).then(a.cmp(b)));
-        order.truncate(OTHERS);
+        order.truncate(MAX_NEIGHBOURS);
         order
     };
     (0..photos.len()).map(best).collect()
 }
 
-/// The surfaces that three photos found, each once; `is_same` of two depths in a photo.
-fn agreed(
-    photos: &[Grey],
-    maps: &[Vec<Option<Plane>>],
+/// Points on which three photos agree, each once; `is_same` compares two depths in a photo.
+fn consistent_points(
+    photos: &[GrayImage],
+    maps: &[Vec<Option<PatchPlane>>],
     side: u32,
     is_same: impl Fn(f32, f32) -> bool,
-) -> Vec<GrownPoint> {
-    let cells: Vec<Cells> = photos.iter().map(|photo| Cells::new(&photo.camera, side)).collect();
+) -> Vec<MatchedPoint> {
+    let cells: Vec<DepthCells> =
+        photos.iter().map(|photo| DepthCells::new(&photo.camera, side)).collect();
     let mut used: Vec<Vec<bool>> = maps.iter().map(|map| vec![false; map.len()]).collect();
-    let mut grown = Vec::new();
+    let mut matched = Vec::new();
     for own in 0..photos.len() {
-        let Grey { camera, photo, .. } = &photos[own];
+        let GrayImage { camera, photo, .. } = &photos[own];
         let back = camera.rotation.transpose();
         for cell in 0..maps[own].len() as u32 {
             let Some(plane) = maps[own][cell as usize].filter(|_| !used[own][cell as usize]) else {
@@ -478,28 +494,31 @@ fn agreed(
                 let camera = &photos[other].camera;
                 let (at, depth) = camera.project(position)?;
                 let cell = cells[other].at(at)?;
-                let there = maps[other][cell as usize]?;
-                let found = there.depth_on(ray(camera, cells[other].middle(cell)), ray(camera, at));
-                is_same(found, depth).then_some((other, cell))
+                let plane = maps[other][cell as usize]?;
+                let depth_there =
+                    plane.depth_on(ray(camera, cells[other].middle(cell)), ray(camera, at));
+                is_same(depth_there, depth).then_some((other, cell))
             };
             let shown: Vec<(usize, u32)> =
                 (0..photos.len()).filter(|other| *other != own).filter_map(same).collect();
             if shown.len() + 1 < MIN_PHOTOS {
                 continue;
             }
-            shown.iter().for_each(|&(other, cell)| used[other][cell as usize] = true);
-            let mut by: Vec<u32> =
+            for &(other, cell) in &shown {
+                used[other][cell as usize] = true;
+            }
+            let mut photos_of_point: Vec<u32> =
                 shown.iter().map(|(other, _)| *other as u32).chain([own as u32]).collect();
-            by.sort_unstable();
-            let point = KnownPoint {
+            photos_of_point.sort_unstable();
+            let point = SurfacePoint {
                 position,
                 rgb: photo.rgb[photos[own].index(at)],
                 normal: back * plane.normal,
             };
-            grown.push(GrownPoint { point, photos: by });
+            matched.push(MatchedPoint { point, photos: photos_of_point });
         }
     }
-    grown
+    matched
 }
 
 #[cfg(test)]
@@ -507,7 +526,7 @@ mod tests {
     use super::*;
 
     /// A photo of the plane z = 4 + x / 5 with a pattern on it, from `eye`.
-    fn photo(eye: Vec3) -> Grey {
+    fn photo(eye: Vec3) -> GrayImage {
         let camera = Camera::look_at(eye, Vec3::new(0.0, 0.0, 4.0), Vec3::NEG_Y, 0.8, [96, 72]);
         let back = camera.rotation.transpose();
         let color = |i: u32| {
@@ -520,7 +539,7 @@ mod tests {
             [(128.0 + 40.0 * waves) as u8; 3]
         };
         let rgb = (0..96 * 72).map(color).collect();
-        Grey::new(&camera, Arc::new(RgbImage { size: camera.size, rgb, alpha: None }))
+        GrayImage::new(&camera, Arc::new(RgbImage { size: camera.size, rgb, alpha: None }))
     }
 
     fn eyes() -> Vec<Vec3> {
@@ -528,41 +547,46 @@ mod tests {
     }
 
     #[test]
-    fn one_point_grows_over_its_surface() {
-        let photos: Vec<Grey> = eyes().into_iter().map(photo).collect();
+    fn one_point_spreads_over_its_surface() {
+        let photos: Vec<GrayImage> = eyes().into_iter().map(photo).collect();
         let position = Vec3::new(0.1, 0.05, 4.02);
-        let seeds: Vec<Seed> = (0..4).map(|photo| Seed { photo, point: 0, position }).collect();
-        let grown = grow(&photos, &seeds, 10_000);
-        assert!(grown.len() > 200, "{}", grown.len());
-        let error = |point: &GrownPoint| {
+        let seeds: Vec<SeedPoint> =
+            (0..4).map(|photo| SeedPoint { photo, point: 0, position }).collect();
+        let matched = propagate(&photos, &seeds, 10_000);
+        assert!(matched.len() > 200, "{}", matched.len());
+        let error = |point: &MatchedPoint| {
             let p = point.point.position;
             (p.z - 4.0 - p.x / 5.0).abs() / p.z
         };
-        let right = grown.iter().filter(|point| error(point) < 0.01).count();
-        assert!(right as f64 > 0.97 * grown.len() as f64, "{right} of {}", grown.len());
-        for GrownPoint { point, photos } in &grown {
+        let correct = matched.iter().filter(|point| error(point) < 0.01).count();
+        assert!(correct as f64 > 0.97 * matched.len() as f64, "{correct} of {}", matched.len());
+        for MatchedPoint { point, photos } in &matched {
             assert!(photos.len() >= MIN_PHOTOS && photos.is_sorted());
             assert!(point.normal.z < -0.5, "{point:?}");
         }
     }
 
     #[test]
-    fn nothing_grows_without_texture_or_from_a_wrong_place() {
-        let mut photos: Vec<Grey> = eyes().into_iter().map(photo).collect();
-        let seeds =
-            |position| (0..4).map(|photo| Seed { photo, point: 0, position }).collect::<Vec<_>>();
-        assert_eq!(grow(&photos, &seeds(Vec3::new(0.1, 0.05, 2.5)), 10_000).len(), 0);
-        photos.iter_mut().for_each(|photo| photo.value.fill(0.5));
-        assert_eq!(grow(&photos, &seeds(Vec3::new(0.1, 0.05, 4.02)), 10_000).len(), 0);
-        assert_eq!(grow(&photos, &[], 10_000).len(), 0);
+    fn nothing_spreads_without_texture_or_from_a_wrong_place() {
+        let mut photos: Vec<GrayImage> = eyes().into_iter().map(photo).collect();
+        let seeds = |position| {
+            (0..4).map(|photo| SeedPoint { photo, point: 0, position }).collect::<Vec<_>>()
+        };
+        assert_eq!(propagate(&photos, &seeds(Vec3::new(0.1, 0.05, 2.5)), 10_000).len(), 0);
+        for photo in &mut photos {
+            photo.value.fill(0.5);
+        }
+        assert_eq!(propagate(&photos, &seeds(Vec3::new(0.1, 0.05, 4.02)), 10_000).len(), 0);
+        assert_eq!(propagate(&photos, &[], 10_000).len(), 0);
     }
 
     #[test]
     fn few_triangles_get_few_cells() {
-        let photos: Vec<Grey> = eyes().into_iter().map(photo).collect();
+        let photos: Vec<GrayImage> = eyes().into_iter().map(photo).collect();
         let position = Vec3::new(0.1, 0.05, 4.02);
-        let seeds: Vec<Seed> = (0..4).map(|photo| Seed { photo, point: 0, position }).collect();
-        let count = |triangles| grow(&photos, &seeds, triangles).len();
+        let seeds: Vec<SeedPoint> =
+            (0..4).map(|photo| SeedPoint { photo, point: 0, position }).collect();
+        let count = |triangles| propagate(&photos, &seeds, triangles).len();
         assert!(count(20) < count(10_000) / 4);
         assert_eq!(count(0), 0);
     }

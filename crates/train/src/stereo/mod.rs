@@ -1,0 +1,13 @@
+//! Multi-view stereo: surfaces that are measured in the photos and not trained.
+//!
+//! ```text
+//! tracked points ──► propagation ──► anchors: what blocks, misses or leaves open a measured surface
+//! no points      ──► sparse_points: the same matching, searched over all depths
+//! ```
+
+mod anchors;
+mod propagation;
+mod sparse_points;
+
+pub(crate) use anchors::{DepthAnchors, DepthRepair};
+pub use sparse_points::reconstruct_points;
