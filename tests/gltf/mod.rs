@@ -10,7 +10,7 @@ use scenes::{any_asset, asset, cut, ramp, strip};
 use serde_json::{Value, json};
 use std::path::Path;
 use trisplat_formats::gltf::{
-    ColorEncoding, Container, GltfOptions, PositionEncoding, Written, check_size, glb_size,
+    ColorEncoding, Container, GltfOptions, PositionEncoding, WrittenGltf, check_size, glb_size,
     stream_offsets, to_glb_bytes, write_glb, write_gltf,
 };
 use trisplat_scene::{
@@ -25,7 +25,7 @@ const COLORS: [ColorEncoding; 4] = [
     ColorEncoding::F32Srgb,
 ];
 
-fn glb(asset: &Asset, options: &GltfOptions) -> Result<(Vec<u8>, Written)> {
+fn glb(asset: &Asset, options: &GltfOptions) -> Result<(Vec<u8>, WrittenGltf)> {
     let mut bytes = Vec::new();
     let written = write_glb(&mut bytes, Path::new("scene.glb"), asset, options)?;
     assert_eq!(written.bytes, bytes.len() as u64);

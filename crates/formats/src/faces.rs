@@ -32,15 +32,15 @@ pub(super) fn check_corners(corners: i64) -> Result<usize, String> {
 
 /// The faces of a file, in order. Polygons are cut at the end, when all vertices are known.
 #[derive(Debug, Default)]
-pub(super) struct Faces {
+pub(super) struct FaceList {
     /// Three corners per triangle; polygons are fans for now. `[T * 3]`
     indices: Vec<u32>,
     /// The faces with more than three corners.
-    polygons: Vec<Polygon>,
+    polygons: Vec<PolygonFan>,
 }
 
 #[derive(Debug)]
-struct Polygon {
+struct PolygonFan {
     face: usize,
     /// Its first triangle.
     first: usize,
@@ -56,7 +56,7 @@ pub(super) struct Triangles {
     polygons: Vec<(usize, usize)>,
 }
 
-impl Faces {
+impl FaceList {
     /// Faces that are all triangles, or an empty list with capacity for them. `[T * 3]`
     pub(super) fn from_triangles(indices: Vec<u32>) -> Self {
         Self { indices, polygons: Vec::new() }
@@ -78,7 +78,7 @@ impl Faces {
         let count = check_corners(i64::try_from(corners.len()).unwrap_or(i64::MAX))?;
         let first = self.indices.len() / 3;
         if count > 3 {
-            self.polygons.push(Polygon { face: self.len(), first, triangles: count - 2 });
+            self.polygons.push(PolygonFan { face: self.len(), first, triangles: count - 2 });
         }
         self.indices
             .extend(corners[1..].windows(2).flat_map(|pair| [corners[0], pair[0], pair[1]]));
@@ -88,7 +88,7 @@ impl Faces {
     /// The triangles; every corner must be below `positions.len()`.
     pub(super) fn triangulate(self, positions: &[Vec3]) -> Triangles {
         let Self { mut indices, mut polygons } = self;
-        let mut cutter = Cutter::default();
+        let mut cutter = PolygonCutter::default();
         let concave: Vec<(usize, Vec<u32>)> = polygons
             .iter()
             .enumerate()
@@ -111,7 +111,7 @@ impl Faces {
     }
 }
 
-impl Polygon {
+impl PolygonFan {
     /// Its corners, recovered from the fan.
     fn corners(&self, indices: &[u32]) -> Vec<u32> {
         let fan = &indices[3 * self.first..3 * (self.first + self.triangles)];
@@ -147,13 +147,13 @@ impl Triangles {
 
 /// Cuts polygons one after the other, and reuses its memory.
 #[derive(Default)]
-struct Cutter {
+struct PolygonCutter {
     plane: Vec<[f64; 2]>,
     ears: Vec<u32>,
     earcut: Earcut<f64>,
 }
 
-impl Cutter {
+impl PolygonCutter {
     /// The triangles of a polygon, or none when a fan is as good: it is convex, has no area, is not
     /// finite, or crosses itself beyond repair.
     fn cut(&mut self, corners: &[u32], positions: &[Vec3]) -> Option<Vec<u32>> {
@@ -325,7 +325,7 @@ mod tests {
             if reversed {
                 corners.reverse();
             }
-            let mut faces = Faces::default();
+            let mut faces = FaceList::default();
             faces.push(&corners).unwrap();
             let triangles = faces.triangulate(&positions);
             let sign = if reversed { -1.0 } else { 1.0 };
@@ -338,7 +338,7 @@ mod tests {
         fn nothing_is_lost_or_panics_whatever_the_positions(bits in prop::collection::vec(any::<u32>(), 3 * 12)) {
             let values: Vec<f32> = bits.into_iter().map(f32::from_bits).collect();
             let positions: Vec<Vec3> = values.chunks_exact(3).map(Vec3::from_slice).collect();
-            let mut faces = Faces::default();
+            let mut faces = FaceList::default();
             faces.push(&[0, 1, 2]).unwrap();
             faces.push(&(0..12).collect::<Vec<u32>>()).unwrap();
             faces.push(&[3, 4, 5, 6]).unwrap();
@@ -362,10 +362,10 @@ mod tests {
             _ => Vec3::new(i as f32, if i.is_multiple_of(2) { 0.0 } else { 50.0 }, 0.0),
         };
         let positions: Vec<Vec3> = (0..count).map(place).collect();
-        let mut faces = Faces::default();
+        let mut faces = FaceList::default();
         faces.push(&(0..count as u32).collect::<Vec<_>>()).unwrap();
         assert_eq!(faces.triangulate(&positions).indices.len(), 3 * (count - 2));
-        let error = Faces::default().push(&vec![0; count + 1]).unwrap_err();
+        let error = FaceList::default().push(&vec![0; count + 1]).unwrap_err();
         assert!(error.contains("4097"), "{error}");
     }
 }

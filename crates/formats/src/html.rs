@@ -11,7 +11,7 @@
 //! The blocks are the GLB in order. A browser, like our reader, decodes each while it reads the
 //! next.
 
-use crate::gltf::{self as gltf, GltfOptions, Written};
+use crate::gltf::{self as gltf, GltfOptions, WrittenGltf};
 use crate::{Format, Source};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
@@ -41,7 +41,7 @@ pub(crate) fn write(
     asset: &Asset,
     sky: Option<(&str, Vec<u8>)>,
     options: &GltfOptions,
-) -> Result<Written> {
+) -> Result<WrittenGltf> {
     let io = |e| Error::io(path, e);
     let (head, tail) = PAGE.split_once("@SCENE@\n").unwrap_or((PAGE, ""));
     let head = head

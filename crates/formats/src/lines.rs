@@ -14,7 +14,7 @@ use trisplat_scene::{Error, Limits, Provenance, Result, UpAxis, excerpt, paralle
 /// this.
 const LONGEST: u64 = 1 << 16;
 
-pub(super) struct Lines<'a> {
+pub(super) struct LineReader<'a> {
     path: &'a Path,
     reader: BufReader<&'a File>,
     line: Vec<u8>,
@@ -22,7 +22,7 @@ pub(super) struct Lines<'a> {
     pub(super) number: u64,
 }
 
-impl<'a> Lines<'a> {
+impl<'a> LineReader<'a> {
     /// Before the first line.
     pub(super) fn new(source: &'a Source) -> Result<Self> {
         source.rewind()?;

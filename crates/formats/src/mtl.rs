@@ -1,7 +1,7 @@
 //! The materials of an OBJ: the pictures or colours of its faces.
 
 use crate::faces::mean;
-use crate::lines::{Lines, as_utf8};
+use crate::lines::{LineReader, as_utf8};
 use crate::{ReadOptions, Source};
 use glam::Vec2;
 use std::collections::{BTreeMap, HashMap};
@@ -24,7 +24,7 @@ const OTHER_PICTURES: [&str; 5] = ["bump", "disp", "decal", "refl", "norm"];
 
 /// A material of a library.
 #[derive(Debug, Clone, Default, PartialEq)]
-struct Material {
+struct MtlMaterial {
     /// sRGB-encoded.
     color: Option<[f32; 3]>,
     picture: Option<MaterialPicture>,
@@ -116,7 +116,7 @@ impl Materials {
         }
         let alike = |name: &String| in_any_case.get(&name.to_ascii_lowercase()).copied();
         let of_name = |name: &String| known.get(name).or_else(|| alike(name));
-        let materials: Vec<Option<&Material>> = self.names.iter().map(of_name).collect();
+        let materials: Vec<Option<&MtlMaterial>> = self.names.iter().map(of_name).collect();
         let lost = self.names.iter().zip(&materials).filter(|(_, found)| found.is_none());
         let lost: Vec<&str> = lost.map(|(name, _)| name.as_str()).collect();
         if !known.is_empty() && !lost.is_empty() {
@@ -132,11 +132,11 @@ impl Materials {
                 "materials that no library has, their triangles are white: {names}{more}"
             ));
         }
-        if !materials.iter().flatten().any(|material| **material != Material::default()) {
+        if !materials.iter().flatten().any(|material| **material != MtlMaterial::default()) {
             return false;
         }
         let is_colored = matches!(&mesh.colors, Colors::Vertex(colors) if !colors.is_empty());
-        let mut pictures = Pictures::default();
+        let mut pictures = MaterialTextures::default();
         let mut painted = Vec::new();
         let mut colors = if is_colored {
             (0..mesh.face_count()).map(|face| mean(mesh.corner_colors(face))).collect()
@@ -189,7 +189,7 @@ impl Materials {
         path: &Path,
         options: &ReadOptions,
         warnings: &mut Vec<String>,
-    ) -> BTreeMap<String, Material> {
+    ) -> BTreeMap<String, MtlMaterial> {
         let mut known = BTreeMap::new();
         for name in &self.libraries {
             let read =
@@ -206,14 +206,14 @@ impl Materials {
 /// The pictures of materials, each read once, however many materials name it and by whichever
 /// names.
 #[derive(Debug, Default)]
-struct Pictures {
+struct MaterialTextures {
     numbers: BTreeMap<String, usize>,
     files: HashMap<FileId, usize>,
     /// By number; none if it could not be read.
     textures: BTreeMap<usize, Option<Arc<Texture>>>,
 }
 
-impl Pictures {
+impl MaterialTextures {
     /// Return the number of the picture that the OBJ at `path` calls `name`.
     fn number(&mut self, path: &Path, name: &str, options: &ReadOptions) -> usize {
         if let Some(number) = self.numbers.get(name) {
@@ -233,7 +233,7 @@ impl Pictures {
 pub fn named_files(source: &Source, limits: &Limits) -> Result<Vec<PathBuf>> {
     let options = ReadOptions { limits: *limits, allow_outside: true, ..ReadOptions::default() };
     let source = &as_utf8(source, limits)?;
-    let mut lines = Lines::new(source)?;
+    let mut lines = LineReader::new(source)?;
     let mut materials = Materials::default();
     while lines.advance()? {
         if lines.words().next() == Some("mtllib") {
@@ -255,7 +255,7 @@ pub fn named_files(source: &Source, limits: &Limits) -> Result<Vec<PathBuf>> {
 /// and so on.
 fn pictures(library: &Path, options: &ReadOptions) -> Result<Vec<String>> {
     let source = as_utf8(&Source::open(library, &options.limits)?, &options.limits)?;
-    let mut lines = Lines::new(&source)?;
+    let mut lines = LineReader::new(&source)?;
     let mut names = Vec::new();
     while lines.advance_to_text()? {
         let keyword = lines.words().next().unwrap_or_default().to_ascii_lowercase();
@@ -332,10 +332,10 @@ fn unquoted(name: &str) -> &str {
 fn library(
     path: &Path,
     options: &ReadOptions,
-    known: &mut BTreeMap<String, Material>,
+    known: &mut BTreeMap<String, MtlMaterial>,
 ) -> Result<()> {
     let source = as_utf8(&Source::open(path, &options.limits)?, &options.limits)?;
-    let mut lines = Lines::new(&source)?;
+    let mut lines = LineReader::new(&source)?;
     let mut name = None;
     while lines.advance_to_text()? {
         let mut words = lines.words();

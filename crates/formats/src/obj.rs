@@ -5,9 +5,9 @@
 //! polygon as if it were convex, and does not name the faulty line. Our tests compare with it, and
 //! one of them fails when its colours are fixed.
 
-use crate::faces::{Clamped, Faces, PlacedCorners};
+use crate::faces::{Clamped, FaceList, PlacedCorners};
 use crate::finish::{FarPositions, finish};
-use crate::lines::{self, Lines, as_utf8, number, push_float, push_integer, write_blocks};
+use crate::lines::{self, LineReader, as_utf8, number, push_float, push_integer, write_blocks};
 use crate::mtl::Materials;
 use crate::{ReadOptions, Source};
 use glam::{DVec3, Vec2, Vec3};
@@ -32,7 +32,7 @@ pub use crate::mtl::named_files;
 pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     let source = as_utf8(&source, &options.limits)?;
     let path = &source.path;
-    let mut lines = Lines::new(&source)?;
+    let mut lines = LineReader::new(&source)?;
     let mut draft = ObjDraft::default();
     while lines.advance()? {
         draft.take_line(&lines).map_err(|reason| lines.error(reason))?;
@@ -72,7 +72,7 @@ struct ObjDraft {
     /// sRGB-encoded. Empty until the first vertex that has a colour.
     colors: Vec<[f32; 3]>,
     uncolored: usize,
-    faces: Faces,
+    faces: FaceList,
     /// The corners of the face being read.
     corners: Vec<u32>,
     /// The largest vertex number (from 1) used before its vertex was read, and its line.
@@ -86,7 +86,7 @@ struct ObjDraft {
 const NOWHERE: u32 = u32::MAX;
 
 impl ObjDraft {
-    fn take_line(&mut self, lines: &Lines) -> Result<(), String> {
+    fn take_line(&mut self, lines: &LineReader) -> Result<(), String> {
         let mut words = lines.words();
         match words.next() {
             Some("v") => self.take_vertex(words),

@@ -10,9 +10,9 @@
 //! The format has no σ and its exporter drops opacity, so triangles are read as solid; an alpha
 //! below 1 at a face becomes opacity.
 
-use crate::faces::{Clamped, Faces, check_corners};
+use crate::faces::{Clamped, FaceList, check_corners};
 use crate::finish::{FarPositions, finish};
-use crate::lines::{Lines, number};
+use crate::lines::{LineReader, number};
 use crate::{ReadOptions, Source};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -31,7 +31,7 @@ const SHORTEST: (u64, u64) = (6, 8);
 /// `Malformed` with the line for broken text, bad corner numbers and faces of fewer than three
 /// corners; `Unsupported` for binary OFF and the variants with normals, texture or four dimensions.
 pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
-    let mut lines = Lines::new(&source)?;
+    let mut lines = LineReader::new(&source)?;
     let limits = &options.limits;
     let (vertices, faces) = read_counts(&source, &mut lines, limits)?;
     let mut mesh = Mesh::default();
@@ -46,7 +46,7 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     let mut indices = Vec::new();
     let mut corners = Vec::new();
     limits.reserve(source.path.display(), &mut indices, 3 * faces)?;
-    let mut read = Faces::from_triangles(indices);
+    let mut read = FaceList::from_triangles(indices);
     for face in 0..faces {
         advance(&mut lines, || format!("face {face} of {faces}"))?;
         read_corners(&lines, vertices, &mut corners, &mut of_faces)
@@ -97,7 +97,7 @@ fn softness_beside(path: &Path) -> Option<String> {
 }
 
 /// Parses the head of the file: the numbers of vertices and of faces, checked against its length.
-fn read_counts(source: &Source, lines: &mut Lines, limits: &Limits) -> Result<(usize, usize)> {
+fn read_counts(source: &Source, lines: &mut LineReader, limits: &Limits) -> Result<(usize, usize)> {
     if !lines.advance_to_text()? {
         return Err(Error::malformed(&source.path, "line 1", "the file is empty"));
     }
@@ -146,14 +146,14 @@ fn read_counts(source: &Source, lines: &mut Lines, limits: &Limits) -> Result<(u
     }
 }
 
-fn advance(lines: &mut Lines, what: impl Fn() -> String) -> Result<()> {
+fn advance(lines: &mut LineReader, what: impl Fn() -> String) -> Result<()> {
     if lines.advance_to_text()? {
         return Ok(());
     }
     Err(lines.error(format!("the file ends before {}: it was cut short", what())))
 }
 
-fn position(lines: &Lines, colors: &mut FileColors) -> Result<DVec3, String> {
+fn position(lines: &LineReader, colors: &mut FileColors) -> Result<DVec3, String> {
     let mut words = lines.words();
     let mut axis = || number(words.next().ok_or("expected x y z")?);
     let position = DVec3::new(axis()?, axis()?, axis()?);
@@ -163,7 +163,7 @@ fn position(lines: &Lines, colors: &mut FileColors) -> Result<DVec3, String> {
 
 /// Reads a face's corners, and its colour into `colors`.
 fn read_corners(
-    lines: &Lines,
+    lines: &LineReader,
     vertices: usize,
     corners: &mut Vec<u32>,
     colors: &mut FileColors,

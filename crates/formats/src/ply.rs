@@ -4,7 +4,7 @@ use crate::finish::finish;
 use crate::{ReadOptions, Source, format, lines};
 use glam::DVec3;
 pub use header::Column;
-use header::{Element, Header};
+use header::{Element, PlyHeader};
 pub use mesh::write_mesh;
 pub use soup::{SoupWriter, write_soup};
 use std::path::Path;
@@ -91,7 +91,7 @@ pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<Imported
 }
 
 /// The face element, or why the file has no usable triangles.
-fn faces<'h>(path: &Path, header: &'h Header) -> Result<&'h Element> {
+fn faces<'h>(path: &Path, header: &'h PlyHeader) -> Result<&'h Element> {
     let Some(vertices) = header.element("vertex") else {
         return Err(Error::malformed(path, "header", "has no element vertex"));
     };

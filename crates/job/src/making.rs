@@ -15,7 +15,7 @@ use trisplat_bake::{BackdropWhen, BakeOptions, CropDetails, ViewpointDetails};
 use trisplat_dataset::capture::{Capture, CaptureOptions, VerdictDetails, check_apart};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::output::{self, OutputFormat};
-use trisplat_scene::atomic::{AtomicFile, MadeFolders, Manifest};
+use trisplat_scene::atomic::{AtomicFile, FileManifest, MadeFolders};
 use trisplat_scene::report::{Report, StageReport};
 use trisplat_scene::{Asset, Error, Limits, Provenance, Region, Result, Seconds, input};
 use trisplat_train::{BackendOptions, TrainOptions, TrainOutputs, checkpoint};
@@ -248,7 +248,7 @@ impl MakeJob {
 
     /// Trains, and keeps the list of what was written. Returns false when stopped.
     fn train_once(&self, path: &Path, report: &mut Report, observer: Observer<'_>) -> Result<bool> {
-        let mut ours = Manifest::read(&self.work, FILES)?;
+        let mut ours = FileManifest::read(&self.work, FILES)?;
         let trained = self.train(path, &mut ours, report, observer);
         let began = [SCENE, CHECKPOINT, TEACHER].iter().any(|name| self.work.join(name).exists());
         let finished = if trained.is_ok() || began { ours.finish() } else { ours.clear() };
@@ -260,7 +260,7 @@ impl MakeJob {
     fn train(
         &self,
         path: &Path,
-        ours: &mut Manifest,
+        ours: &mut FileManifest,
         report: &mut Report,
         observer: Observer<'_>,
     ) -> Result<bool> {
@@ -401,7 +401,7 @@ impl MakeJob {
         let earlier = before.earlier;
         let psnr = score.map(|score| score.mean.psnr);
         if psnr.is_some() && psnr != before.psnr {
-            let mut ours = Manifest::read(&self.work, FILES)?;
+            let mut ours = FileManifest::read(&self.work, FILES)?;
             ours.begin(&[NOTES])?;
             save(&notes, &StoredTraining { psnr, ..before })?;
             ours.finish()?;
@@ -437,7 +437,7 @@ impl MakeJob {
     fn note(&self, outputs: Vec<PathBuf>) -> Result<()> {
         let notes = self.work.join(NOTES);
         let Some(before) = stored(&notes) else { return Ok(()) };
-        let mut ours = Manifest::read(&self.work, FILES)?;
+        let mut ours = FileManifest::read(&self.work, FILES)?;
         ours.begin(&[NOTES])?;
         save(&notes, &StoredTraining { outputs, ..before })?;
         ours.finish()

@@ -100,7 +100,7 @@ pub fn paint(
     parts: Vec<PaintedFaces>,
     textures: &BTreeMap<usize, Option<Arc<Texture>>>,
 ) -> Vec<String> {
-    let mut draft = Draft::default();
+    let mut draft = AtlasDraft::default();
     for part in &parts {
         if let Some(Some(texture)) = textures.get(&part.image) {
             draft.add_plain(mesh, part.faces.start);
@@ -116,14 +116,14 @@ pub fn paint(
 
 /// A texture while its faces are added.
 #[derive(Default)]
-struct Draft {
+struct AtlasDraft {
     /// Page, or patch, and the places of every face so far.
-    faces: Vec<(Place, [Vec2; 3])>,
+    faces: Vec<(FaceSource, [Vec2; 3])>,
     pages: Vec<Arc<Texture>>,
     /// By picture and tint.
     page_numbers: BTreeMap<(usize, [u8; 3]), u16>,
     tinted: u64,
-    patches: Vec<Patch>,
+    patches: Vec<AtlasPatch>,
     patch_numbers: BTreeMap<PatchKey, u32>,
     unplaced: u64,
 }
@@ -132,13 +132,13 @@ struct Draft {
 type PatchKey = (Option<(usize, [Wrap; 2])>, Tints, [u32; 4]);
 
 #[derive(Clone, Copy)]
-enum Place {
+enum FaceSource {
     Page(u16),
     Patch(u32),
 }
 
 /// A part of the atlas.
-struct Patch {
+struct AtlasPatch {
     /// None for colours alone.
     picture: Option<(Arc<Texture>, [Wrap; 2])>,
     tints: Tints,
@@ -147,7 +147,7 @@ struct Patch {
 }
 
 /// The texels of a patch.
-struct Frame {
+struct PatchExtent {
     /// The mip level of its picture; none for colours alone.
     level: Option<usize>,
     /// The first texel, which may lie outside of the picture.
@@ -155,7 +155,7 @@ struct Frame {
     size: UVec2,
 }
 
-impl Draft {
+impl AtlasDraft {
     /// The faces before `end` that are not there yet: they have no picture.
     fn add_plain(&mut self, mesh: &Mesh, end: usize) {
         for face in self.faces.len()..end {
@@ -180,7 +180,7 @@ impl Draft {
             match (page, within) {
                 (Some(page), Some((u, v))) => {
                     let uvs = [0, 1, 2].map(|k| Vec2::new(u[k], v[k]));
-                    self.faces.push((Place::Page(page), uvs));
+                    self.faces.push((FaceSource::Page(page), uvs));
                 }
                 _ => self.add_patch(Some((part, texture)), of_face, *uvs),
             }
@@ -247,9 +247,9 @@ impl Draft {
             next
         };
         if number == next {
-            self.patches.push(Patch { picture, tints, uvs });
+            self.patches.push(AtlasPatch { picture, tints, uvs });
         }
-        self.faces.push((Place::Patch(number), uvs));
+        self.faces.push((FaceSource::Patch(number), uvs));
     }
 
     fn finish(mut self, mesh: &mut Mesh) -> Vec<String> {
@@ -277,8 +277,8 @@ impl Draft {
         }
         let size = self.pages.last().map_or(Vec2::ONE, |page| page.size().as_vec2());
         let of_face = |face: usize| match self.faces[face] {
-            (Place::Page(page), uvs) => (page, uvs),
-            (Place::Patch(number), uvs) => {
+            (FaceSource::Page(page), uvs) => (page, uvs),
+            (FaceSource::Patch(number), uvs) => {
                 let (frame, place) = &placed[number as usize];
                 let within = self.patches[number as usize].places(frame, uvs);
                 (atlas, within.map(|at| (at + place.as_vec2()) / size))
@@ -303,9 +303,9 @@ impl Draft {
 
     /// The texels of all patches, at the finest level that fits, the size of the atlas, and the
     /// place of each.
-    fn arranged(&self) -> Option<(Vec<Frame>, UVec2, Vec<UVec2>)> {
+    fn arranged(&self) -> Option<(Vec<PatchExtent>, UVec2, Vec<UVec2>)> {
         (0..=MAX_HALVINGS).find_map(|halvings| {
-            let frames: Vec<Frame> =
+            let frames: Vec<PatchExtent> =
                 self.patches.iter().map(|patch| patch.frame(halvings)).collect();
             let sizes: Vec<UVec2> = frames.iter().map(|frame| frame.size).collect();
             packed(&sizes, LARGEST).map(|(size, places)| (frames, size, places))
@@ -313,13 +313,13 @@ impl Draft {
     }
 
     /// What is said of patches that are coarser than their pictures.
-    fn coarser(&self, frames: &[Frame]) -> Option<String> {
-        let is_coarse = |face: &&(Place, [Vec2; 3])| match face.0 {
-            Place::Patch(number) => {
+    fn coarser(&self, frames: &[PatchExtent]) -> Option<String> {
+        let is_coarse = |face: &&(FaceSource, [Vec2; 3])| match face.0 {
+            FaceSource::Patch(number) => {
                 self.patches[number as usize].picture.is_some()
                     && frames[number as usize].level != Some(0)
             }
-            Place::Page(_) => false,
+            FaceSource::Page(_) => false,
         };
         let count = self.faces.iter().filter(is_coarse).count() as u64;
         (count > 0).then(|| {
@@ -329,21 +329,21 @@ impl Draft {
     }
 }
 
-impl Patch {
+impl AtlasPatch {
     fn is_even(&self) -> bool {
         self.tints == [self.tints[0]; 3]
     }
 
     /// Its texels from a picture halved this often at least, or of one colour where it shows more
     /// than the largest patch holds.
-    fn frame(&self, halvings: usize) -> Frame {
+    fn frame(&self, halvings: usize) -> PatchExtent {
         let [a, b, c] = self.uvs;
         let at = |(level, picture): (usize, &RgbImage)| {
             let texels = picture.size.as_vec2();
             let low = (a.min(b).min(c) * texels - 0.5).floor() - MARGIN;
             let high = (a.max(b).max(c) * texels - 0.5).ceil() + 1.0 + MARGIN;
             let size = high - low;
-            (size.max_element() <= LARGEST_PATCH).then(|| Frame {
+            (size.max_element() <= LARGEST_PATCH).then(|| PatchExtent {
                 level: Some(level),
                 low,
                 size: size.as_uvec2().map(|side| side.next_multiple_of(STEP)),
@@ -352,12 +352,12 @@ impl Patch {
         let levels =
             self.picture.iter().flat_map(|(texture, _)| texture.levels().iter().enumerate());
         let side = if halvings > 0 || self.is_even() { STEP } else { 2 * STEP };
-        let plain = Frame { level: None, low: Vec2::ZERO, size: UVec2::splat(side) };
+        let plain = PatchExtent { level: None, low: Vec2::ZERO, size: UVec2::splat(side) };
         levels.skip(halvings).find_map(at).unwrap_or(plain)
     }
 
     /// The places of a face's corners in its patch, texels.
-    fn places(&self, frame: &Frame, uvs: [Vec2; 3]) -> [Vec2; 3] {
+    fn places(&self, frame: &PatchExtent, uvs: [Vec2; 3]) -> [Vec2; 3] {
         let far = frame.size.x as f32 - 1.5;
         match (&self.picture, frame.level) {
             (Some((texture, _)), Some(level)) => {
@@ -369,7 +369,7 @@ impl Patch {
     }
 
     /// The texel at `at` of the patch.
-    fn texel(&self, frame: &Frame, at: UVec2) -> [u8; 3] {
+    fn texel(&self, frame: &PatchExtent, at: UVec2) -> [u8; 3] {
         let corners = self.tints.map(linear);
         let Some(((texture, wrap), level)) = self.picture.as_ref().zip(frame.level) else {
             // The first and last texels continue the corners.
@@ -406,7 +406,12 @@ impl Patch {
 }
 
 /// The picture of all patches.
-fn drawn(patches: &[Patch], frames: &[Frame], size: UVec2, places: &[UVec2]) -> RgbImage {
+fn drawn(
+    patches: &[AtlasPatch],
+    frames: &[PatchExtent],
+    size: UVec2,
+    places: &[UVec2],
+) -> RgbImage {
     let mut rgb = vec![[128; 3]; size.element_product() as usize];
     for ((patch, frame), place) in patches.iter().zip(frames).zip(places) {
         for y in 0..frame.size.y {

@@ -10,7 +10,7 @@
 //! files have names with a hash of their bytes, so they replace nothing: [`put`] makes them and
 //! ties them to the file that names them, and [`sweep_folder`] removes those of earlier runs. A
 //! whole folder is an [`AtomicFolder`]. What later runs may replace or remove in a user's folder is
-//! in its [`Manifest`].
+//! in its [`FileManifest`].
 
 mod folder;
 mod manifest;
@@ -18,7 +18,7 @@ mod names;
 mod temporary;
 
 pub use folder::{AtomicFolder, FolderLock};
-pub use manifest::Manifest;
+pub use manifest::FileManifest;
 pub use names::{
     FileId, folder_of, is_leftover, lies_inside, resolved, safe_name, safe_path, temporary_name,
 };

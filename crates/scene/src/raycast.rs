@@ -27,7 +27,7 @@ pub struct Hit {
 /// After a change of positions or indices in place, set it to its default: it is of the old
 /// triangles.
 #[derive(Default)]
-pub struct RayTree(OnceLock<Tree>);
+pub struct RayTree(OnceLock<FaceTree>);
 
 impl Clone for RayTree {
     fn clone(&self) -> Self {
@@ -72,7 +72,7 @@ impl RayTree {
             }
             found
         };
-        let tree = self.0.get_or_init(|| Tree::new(mesh, faces));
+        let tree = self.0.get_or_init(|| FaceTree::new(mesh, faces));
         if tree.faces != faces || !tree.search(origin, direction / length, &mut test) {
             (0..faces as u32).for_each(|face| _ = test(face));
         }
@@ -98,7 +98,7 @@ fn intersect(origin: DVec3, direction: DVec3, corners: [Vec3; 3]) -> Option<f64>
 }
 
 /// A tree over the finite faces of a scene, which it moves to the unit cube.
-struct Tree {
+struct FaceTree {
     bvh: Bvh2,
     /// Number of faces when it was built.
     faces: usize,
@@ -111,7 +111,7 @@ const MARGIN: f32 = 4e-6;
 /// Unit cubes from the scene at which f64 still resolves [`MARGIN`].
 const FARTHEST: f64 = 1e6;
 
-impl Tree {
+impl FaceTree {
     fn new(mesh: &Mesh, faces: usize) -> Self {
         let finite = |face: &u32| mesh.corners(*face as usize).iter().all(|v| v.is_finite());
         let indices: Vec<u32> = (0..faces as u32).filter(finite).collect();
@@ -204,7 +204,7 @@ mod tests {
     #[test]
     fn a_hundred_thousand_equal_triangles_build_a_shallow_tree() {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::Y].repeat(100_000);
-        let tree = Tree::new(&Mesh { positions, ..Mesh::default() }, 100_000);
+        let tree = FaceTree::new(&Mesh { positions, ..Mesh::default() }, 100_000);
         assert!(tree.bvh.depth(0) < 64, "depth {}", tree.bvh.depth(0));
     }
 }

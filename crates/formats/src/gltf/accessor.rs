@@ -1,8 +1,10 @@
 //! Accessors: typed elements in views of buffers, with every number checked before use.
 
 use super::buffers::Buffers;
-use super::document::{Accessor, Attributes, BufferView, Document, Image, component_type, entry};
-use super::material::{Sampler, TextureInfo};
+use super::document::{
+    Accessor, Attributes, BufferView, GltfDocument, GltfImage, component_type, entry,
+};
+use super::material::{GltfTextureInfo, Sampler};
 use super::meshopt::{self, CompressedView};
 use glam::Vec2;
 use gltf_json::accessor::ComponentType;
@@ -59,14 +61,14 @@ impl ElementLayout {
 
 /// Reads accessors of a document.
 pub(crate) struct Accessors<'a> {
-    document: &'a Document,
+    document: &'a GltfDocument,
     pub(crate) buffers: Buffers<'a>,
     /// Decompressed views, as words, latest last.
     unpacked: VecDeque<(usize, Vec<u32>)>,
 }
 
 impl<'a> Accessors<'a> {
-    pub(crate) fn new(document: &'a Document, buffers: Buffers<'a>) -> Self {
+    pub(crate) fn new(document: &'a GltfDocument, buffers: Buffers<'a>) -> Self {
         Self { document, buffers, unpacked: VecDeque::new() }
     }
 
@@ -361,9 +363,9 @@ pub(crate) const UNREAD: &str =
 /// The faces of a primitive on a picture, or why there is none. `corner` maps a corner to its
 /// vertex in the primitive; the faces are those of the merged mesh.
 pub(crate) fn painted_faces(
-    document: &Document,
+    document: &GltfDocument,
     accessors: &mut Accessors,
-    (info, attributes): (&TextureInfo, &Attributes),
+    (info, attributes): (&GltfTextureInfo, &Attributes),
     faces: Range<usize>,
     corner: impl Fn(usize) -> usize,
 ) -> Result<Result<PaintedFaces, String>> {
@@ -400,7 +402,7 @@ pub(crate) fn painted_faces(
 pub(crate) fn paint(
     painted: Vec<PaintedFaces>,
     mesh: &mut Mesh,
-    document: &Document,
+    document: &GltfDocument,
     accessors: &mut Accessors,
     limits: &Limits,
 ) -> Vec<String> {
@@ -418,7 +420,7 @@ pub(crate) fn paint(
 
 /// The texture of a picture in a buffer or beside the file.
 fn read(
-    document: &Document,
+    document: &GltfDocument,
     accessors: &mut Accessors,
     image: usize,
     limits: &Limits,
@@ -436,12 +438,12 @@ fn read(
 /// An encoded picture, in a buffer or beside the file; `place` is for messages.
 pub(crate) fn picture_bytes(
     accessors: &mut Accessors,
-    image: &Image,
+    image: &GltfImage,
     place: &str,
 ) -> Result<Vec<u8>> {
     match image {
-        Image { buffer_view: Some(view), .. } => accessors.view_bytes(*view),
-        Image { uri: Some(uri), .. } => accessors.buffers.picture(uri, place),
+        GltfImage { buffer_view: Some(view), .. } => accessors.view_bytes(*view),
+        GltfImage { uri: Some(uri), .. } => accessors.buffers.picture(uri, place),
         _ => {
             let path = accessors.buffers.path();
             Err(Error::malformed(path, place, "has neither a bufferView nor a uri"))

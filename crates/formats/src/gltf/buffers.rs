@@ -3,7 +3,7 @@
 //! A binary chunk is never held in memory, only the elements of one accessor at a time.
 
 use super::container::{ContainerFile, GlbChunk};
-use super::document::{FREE_UNPACKED_BYTES, Image, entry, parse};
+use super::document::{FREE_UNPACKED_BYTES, GltfImage, entry, parse};
 use super::meshopt::MAX_UNPACK_RATIO;
 use crate::{ReadOptions, Source};
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
@@ -231,9 +231,9 @@ pub(crate) fn data(uri: &str) -> Result<Vec<u8>, &'static str> {
 #[derive(Debug, Deserialize)]
 struct Named {
     #[serde(default)]
-    buffers: Vec<Image>,
+    buffers: Vec<GltfImage>,
     #[serde(default)]
-    images: Vec<Image>,
+    images: Vec<GltfImage>,
 }
 
 /// The files beside `source` that its buffers and pictures are in.

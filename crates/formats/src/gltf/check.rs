@@ -4,7 +4,7 @@
 use super::accessor::{self, Accessors};
 use super::buffers::Buffers;
 use super::container::ContainerFile;
-use super::document::{self, Document, MAX_SHORT_VERTICES, QUANTIZATION, READABLE_BYTES};
+use super::document::{self, GltfDocument, MAX_SHORT_VERTICES, QUANTIZATION, READABLE_BYTES};
 use crate::{ReadOptions, Source};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -22,10 +22,11 @@ pub(crate) fn check(
         Ok(container) => container,
         Err(error) => return findings.take(error),
     };
-    let document: Document = match document::parse(&source.path, &container.json, &options.limits) {
-        Ok(document) => document,
-        Err(error) => return findings.take(error),
-    };
+    let document: GltfDocument =
+        match document::parse(&source.path, &container.json, &options.limits) {
+            Ok(document) => document,
+            Err(error) => return findings.take(error),
+        };
     if source.len > READABLE_BYTES {
         let what = format!(
             "has {} bytes: Unity, web pages and older Godot read less than 2 GiB",
@@ -48,7 +49,7 @@ pub(crate) fn check(
 }
 
 /// Meshes that engines cull only as a whole.
-fn check_sizes(document: &Document, accessors: &mut Accessors, findings: &mut Findings) {
+fn check_sizes(document: &GltfDocument, accessors: &mut Accessors, findings: &mut Findings) {
     for (m, mesh) in document.meshes.iter().enumerate() {
         for (p, primitive) in mesh.primitives.iter().enumerate() {
             let Some(position) = primitive.attributes.position else { continue };
@@ -67,7 +68,7 @@ fn check_sizes(document: &Document, accessors: &mut Accessors, findings: &mut Fi
 }
 
 /// Pictures that are not there: engines draw their triangles white, or nothing at all.
-fn check_pictures(document: &Document, accessors: &mut Accessors, findings: &mut Findings) {
+fn check_pictures(document: &GltfDocument, accessors: &mut Accessors, findings: &mut Findings) {
     for (i, image) in document.images.iter().enumerate() {
         let place = format!("image {i}");
         match accessor::picture_bytes(accessors, image, &place) {

@@ -3,7 +3,7 @@
 use super::buffers;
 use super::container::stream_offsets;
 use super::document::{QUANTIZATION, UNLIT};
-use super::encode::{self, Content};
+use super::encode::{self, GltfContent};
 use super::meshopt::{CompressedView, MESHOPT};
 use super::options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
 use super::part::{BACKDROP, FRONT, PartKind, ScenePart, Stream, all_streams};
@@ -31,13 +31,13 @@ use trisplat_scene::{Provenance, UpAxis};
 
 /// The text of the document for `content`: compact in a GLB, indented beside a buffer of the name
 /// `bin_name`.
-pub(crate) fn json(content: &Content, bin_name: Option<&str>) -> Result<Vec<u8>> {
+pub(crate) fn json(content: &GltfContent, bin_name: Option<&str>) -> Result<Vec<u8>> {
     let root = root(content, bin_name)?;
     encode::text(&root, bin_name.is_some())
 }
 
-fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
-    let Content { options, parts, .. } = content;
+fn root(content: &GltfContent, bin_name: Option<&str>) -> Result<Root> {
+    let GltfContent { options, parts, .. } = content;
     let quantised = parts.iter().any(|part| part.grid.is_some());
     let needed = [(quantised, QUANTIZATION), (options.meshopt, MESHOPT)];
     let required = needed.into_iter().filter(|(used, _)| *used).map(|(_, name)| name.to_owned());
@@ -108,8 +108,8 @@ fn index<T>(number: usize) -> Index<T> {
     Index::new(number as u32)
 }
 
-fn extras(content: &Content, pretty: bool) -> Result<Box<RawValue>> {
-    let Content { asset, options, .. } = content;
+fn extras(content: &GltfContent, pretty: bool) -> Result<Box<RawValue>> {
+    let GltfContent { asset, options, .. } = content;
     let extras = SceneExtras {
         provenance: &asset.provenance,
         color_encoding: options.colors,
@@ -151,7 +151,7 @@ fn painted(parts: &[ScenePart]) -> Vec<PartMaterial> {
 }
 
 /// The material of some parts.
-fn material(content: &Content, of: &PartMaterial) -> Material {
+fn material(content: &GltfContent, of: &PartMaterial) -> Material {
     let name = &content.options.material_name;
     // Godot takes the end of a material's name as a hint.
     let (plain, hint) = name.split_at(name.rfind('-').unwrap_or(name.len()));
@@ -252,7 +252,7 @@ fn node(mesh: usize, part: &ScenePart) -> Node {
 
 /// Whether there is something on all sides of the viewpoint. Outside of a thing a camera is no part
 /// of its file: editors that frame all of a file frame cameras too, and the thing becomes small.
-fn is_within(content: &Content, viewpoint: &Viewpoint) -> bool {
+fn is_within(content: &GltfContent, viewpoint: &Viewpoint) -> bool {
     let eye = DVec3::from(viewpoint.eye).as_vec3();
     let around = bounds(content.parts.iter().flat_map(|part| part.bounds));
     around.is_some_and(|[low, high]| low.cmplt(eye).all() && eye.cmplt(high).all())
@@ -272,7 +272,7 @@ fn viewpoint_node(viewpoint: &Viewpoint) -> Node {
 }
 
 /// The viewpoint's camera; near and far planes enclose the scene.
-fn viewpoint_camera(viewpoint: &Viewpoint, content: &Content) -> Camera {
+fn viewpoint_camera(viewpoint: &Viewpoint, content: &GltfContent) -> Camera {
     let eye = DVec3::from(viewpoint.eye);
     let corners = content.parts.iter().flat_map(|part| part.bounds);
     let farthest = corners.map(|corner| corner.as_dvec3().distance(eye)).fold(0.0, f64::max);
@@ -373,8 +373,8 @@ fn shortest(x: f32) -> Result<Value> {
 
 /// The views, one per stream, and the buffers: the file's own and, when compressed, the one that
 /// exists only after decoding.
-fn buffers(content: &Content, bin_name: Option<&str>) -> Result<(Vec<View>, Vec<Buffer>)> {
-    let Content { options, parts, .. } = content;
+fn buffers(content: &GltfContent, bin_name: Option<&str>) -> Result<(Vec<View>, Vec<Buffer>)> {
+    let GltfContent { options, parts, .. } = content;
     let (starts, decoded_bytes) =
         stream_offsets(all_streams(parts).map(|(part, stream)| part.bytes(stream, options)));
     let mut views = Vec::with_capacity(starts.len());
@@ -412,7 +412,7 @@ fn buffers(content: &Content, bin_name: Option<&str>) -> Result<(Vec<View>, Vec<
 
 /// The place of the compressed bytes of stream `i`.
 fn compressed_view(
-    content: &Content,
+    content: &GltfContent,
     i: usize,
     part: &ScenePart,
     stream: Stream,

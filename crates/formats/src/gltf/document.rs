@@ -12,7 +12,7 @@
 //!
 //! The crate `gltf` reads through these types, so it loses the same.
 
-use super::material::{Material, Sampler, Texture, lenient};
+use super::material::{GltfMaterial, GltfTexture, Sampler, lenient};
 use super::meshopt::{CompressedView, MESHOPT, MESHOPT_KHR};
 use crate::finish::is_far;
 use crate::format;
@@ -36,25 +36,25 @@ type Names = BTreeMap<String, IgnoredAny>;
 /// A glTF 2.0 document.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub(crate) struct Document {
+pub(crate) struct GltfDocument {
     pub(crate) asset: gltf_json::Asset,
     pub(crate) scene: Option<usize>,
     #[serde(default, deserialize_with = "limited")]
-    pub(crate) scenes: Vec<Scene>,
+    pub(crate) scenes: Vec<GltfScene>,
     #[serde(default, deserialize_with = "limited")]
-    pub(crate) nodes: Vec<Node>,
+    pub(crate) nodes: Vec<GltfNode>,
     #[serde(default, deserialize_with = "limited")]
-    pub(crate) meshes: Vec<Mesh>,
+    pub(crate) meshes: Vec<GltfMesh>,
     #[serde(default, deserialize_with = "limited")]
-    pub(crate) materials: Vec<Material>,
+    pub(crate) materials: Vec<GltfMaterial>,
     #[serde(default, deserialize_with = "limited")]
     pub(crate) accessors: Vec<Accessor>,
     #[serde(default, deserialize_with = "limited")]
-    pub(crate) textures: Vec<Texture>,
+    pub(crate) textures: Vec<GltfTexture>,
     #[serde(default, deserialize_with = "limited")]
     pub(crate) samplers: Vec<Sampler>,
     #[serde(default, deserialize_with = "limited")]
-    pub(crate) images: Vec<Image>,
+    pub(crate) images: Vec<GltfImage>,
     #[serde(default, deserialize_with = "limited")]
     pub(crate) buffer_views: Vec<BufferView>,
     #[serde(default, deserialize_with = "limited")]
@@ -66,13 +66,13 @@ pub(crate) struct Document {
 }
 
 #[derive(Debug, Deserialize)]
-pub(crate) struct Scene {
+pub(crate) struct GltfScene {
     #[serde(default, deserialize_with = "limited")]
     pub(crate) nodes: Vec<usize>,
 }
 
 #[derive(Debug, Deserialize)]
-pub(crate) struct Node {
+pub(crate) struct GltfNode {
     pub(crate) name: Option<String>,
     #[serde(default, deserialize_with = "limited")]
     pub(crate) children: Vec<usize>,
@@ -100,7 +100,7 @@ pub(crate) struct Instancing {
 }
 
 #[derive(Debug, Deserialize)]
-pub(crate) struct Mesh {
+pub(crate) struct GltfMesh {
     #[serde(default, deserialize_with = "limited")]
     pub(crate) primitives: Vec<Primitive>,
 }
@@ -145,7 +145,7 @@ impl Attributes {
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub(crate) struct Image {
+pub(crate) struct GltfImage {
     #[serde(default, deserialize_with = "lenient")]
     pub(crate) buffer_view: Option<usize>,
     #[serde(default, deserialize_with = "lenient")]
@@ -313,7 +313,7 @@ pub(crate) struct MeshInstance {
 /// transforms that are not finite.
 pub(crate) fn instances(
     path: &Path,
-    document: &Document,
+    document: &GltfDocument,
     limits: &Limits,
 ) -> Result<Vec<MeshInstance>> {
     let mut seen = vec![false; document.nodes.len()];
@@ -352,7 +352,7 @@ pub(crate) fn instances(
 const COLLIDERS: [&str; 2] = ["-colonly", "-convcolonly"];
 
 /// Root nodes: of the default scene, or all without a parent.
-fn roots(path: &Path, document: &Document) -> Result<Vec<usize>> {
+fn roots(path: &Path, document: &GltfDocument) -> Result<Vec<usize>> {
     let scene = match document.scene {
         Some(index) => Some(entry(path, "scene", &document.scenes, index)?),
         None => document.scenes.first(),
@@ -370,7 +370,7 @@ fn roots(path: &Path, document: &Document) -> Result<Vec<usize>> {
 }
 
 /// A node's own transform; none when it is the identity, so that positions keep their bits.
-fn local(node: &Node) -> Option<DMat4> {
+fn local(node: &GltfNode) -> Option<DMat4> {
     let transform = match node.matrix {
         Some(columns) => {
             let rounded = DMat4::from_cols_array(&columns.map(|x| f64::from(x as f32)));

@@ -282,7 +282,7 @@ fn refused(part: &ScenePart, why: &str) -> String {
 // ---- The layout of the binary buffer: the streams of all parts, compressed or not, then pictures
 
 /// The content of a file, without the bytes themselves.
-pub(crate) struct Content<'a> {
+pub(crate) struct GltfContent<'a> {
     pub(crate) asset: &'a Asset,
     pub(crate) options: &'a GltfOptions,
     pub(crate) parts: Vec<ScenePart<'a>>,
@@ -292,16 +292,16 @@ pub(crate) struct Content<'a> {
     pub(crate) starts: Vec<u64>,
     pub(crate) bin_bytes: u64,
     /// The pages of the texture, behind the streams, when there is one.
-    pub(crate) pictures: Vec<Picture>,
+    pub(crate) pictures: Vec<EmbeddedPicture>,
 }
 
 /// A picture in the file's buffer.
-pub(crate) struct Picture {
+pub(crate) struct EmbeddedPicture {
     pub(crate) start: u64,
     pub(crate) bytes: Vec<u8>,
 }
 
-impl<'a> Content<'a> {
+impl<'a> GltfContent<'a> {
     pub(crate) fn new(path: &Path, asset: &'a Asset, options: &'a GltfOptions) -> Result<Self> {
         let parts = parts(path, asset, options)?;
         let compressed = if options.meshopt {
@@ -320,7 +320,7 @@ impl<'a> Content<'a> {
             let bytes = options.texture.bytes(page.picture())?;
             let start = bin_bytes.next_multiple_of(4);
             bin_bytes = start + bytes.len() as u64;
-            pictures.push(Picture { start, bytes });
+            pictures.push(EmbeddedPicture { start, bytes });
         }
         Ok(Self { asset, options, parts, compressed, starts, bin_bytes, pictures })
     }

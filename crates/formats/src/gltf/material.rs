@@ -12,7 +12,7 @@ use trisplat_scene::atlas::Wrap;
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub(crate) struct Material {
+pub(crate) struct GltfMaterial {
     name: Option<String>,
     alpha_mode: Option<Checked<AlphaMode>>,
     alpha_cutoff: Option<f32>,
@@ -23,7 +23,7 @@ pub(crate) struct Material {
     #[serde(default, deserialize_with = "lenient")]
     emissive_factor: Option<[f32; 3]>,
     #[serde(default, deserialize_with = "lenient")]
-    emissive_texture: Option<TextureInfo>,
+    emissive_texture: Option<GltfTextureInfo>,
     #[serde(default)]
     extensions: MaterialExtensions,
 }
@@ -32,9 +32,9 @@ pub(crate) struct Material {
 const SRGB_HINTS: [&str; 3] = ["-vcol", "$vcol", "_vcol"];
 
 /// A factor, and the picture that it multiplies.
-pub(crate) type Paint<'a> = ([f32; 4], Option<&'a TextureInfo>);
+pub(crate) type Paint<'a> = ([f32; 4], Option<&'a GltfTextureInfo>);
 
-impl Material {
+impl GltfMaterial {
     /// The colour of its surface, or its own light where that is black; and whether there is more
     /// light, which is not read.
     pub(crate) fn paint(&self) -> (Paint<'_>, bool) {
@@ -88,7 +88,7 @@ struct BaseColor {
         alias = "diffuseTexture",
         deserialize_with = "lenient"
     )]
-    texture: Option<TextureInfo>,
+    texture: Option<GltfTextureInfo>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -110,7 +110,7 @@ struct EmissiveStrength {
 /// The texture, and its set of coordinates.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub(crate) struct TextureInfo {
+pub(crate) struct GltfTextureInfo {
     pub(crate) index: usize,
     #[serde(default)]
     tex_coord: usize,
@@ -118,7 +118,7 @@ pub(crate) struct TextureInfo {
     extensions: InfoExtensions,
 }
 
-impl TextureInfo {
+impl GltfTextureInfo {
     /// The number of its set of coordinates.
     pub(crate) fn set(&self) -> usize {
         self.extensions
@@ -158,7 +158,7 @@ struct TextureTransform {
 }
 
 #[derive(Debug, Deserialize)]
-pub(crate) struct Texture {
+pub(crate) struct GltfTexture {
     /// Number of its PNG or JPEG picture.
     #[serde(default, deserialize_with = "lenient")]
     source: Option<usize>,
@@ -183,7 +183,7 @@ struct PictureSource {
     source: usize,
 }
 
-impl Texture {
+impl GltfTexture {
     /// Number of its picture, or what it has in place of one that is read.
     pub(crate) fn picture(&self) -> Result<usize, &'static str> {
         let readable = self.extensions.webp.as_ref().map(|webp| webp.source).or(self.source);

@@ -1,8 +1,8 @@
 //! Merges the primitives of all meshes into one mesh.
 
 use super::accessor::{self, Accessors};
-use super::document::{DRACO, Document, MeshInstance, Primitive};
-use super::material::Material;
+use super::document::{DRACO, GltfDocument, MeshInstance, Primitive};
+use super::material::GltfMaterial;
 use crate::finish::{is_far, origin_of, sampled};
 use glam::{DMat4, DVec3, Vec3};
 use gltf_json::accessor::ComponentType;
@@ -17,7 +17,7 @@ const MAX_WARNINGS: usize = 100;
 
 /// A mesh that grows by one primitive at a time.
 pub(crate) struct MergedMesh<'a> {
-    document: &'a Document,
+    document: &'a GltfDocument,
     accessors: Accessors<'a>,
     /// The file says that every material's COLOR_0 is sRGB-encoded.
     srgb: bool,
@@ -46,7 +46,7 @@ struct PrimitiveFaces {
 
 impl<'a> MergedMesh<'a> {
     pub(crate) fn new(
-        document: &'a Document,
+        document: &'a GltfDocument,
         accessors: Accessors<'a>,
         srgb: bool,
         limits: Limits,
@@ -190,7 +190,7 @@ impl<'a> MergedMesh<'a> {
         self.read_colors(primitive, place, &part, count)?;
         self.read_texture(primitive, place, &part, mirrored)?;
         let is_double_sided =
-            self.material(primitive, place)?.is_some_and(Material::is_double_sided);
+            self.material(primitive, place)?.is_some_and(GltfMaterial::is_double_sided);
         self.push_sides(&part, is_double_sided);
         if mirrored && part.indices.is_none() {
             self.mirror(&part);
@@ -289,7 +289,7 @@ impl<'a> MergedMesh<'a> {
         part: &PrimitiveFaces,
         count: usize,
     ) -> Result<()> {
-        let default = Material::default();
+        let default = GltfMaterial::default();
         let material = self.material(primitive, place)?.unwrap_or(&default);
         let (([factor @ .., alpha], picture), more) = material.paint();
         if more {
@@ -356,7 +356,7 @@ impl<'a> MergedMesh<'a> {
     }
 
     /// The material of a primitive; none when it names none.
-    fn material(&self, primitive: &Primitive, place: &str) -> Result<Option<&'a Material>> {
+    fn material(&self, primitive: &Primitive, place: &str) -> Result<Option<&'a GltfMaterial>> {
         let materials = &self.document.materials;
         let Some(index) = primitive.material else { return Ok(None) };
         materials.get(index).map(Some).ok_or_else(|| {
@@ -425,7 +425,7 @@ impl<'a> MergedMesh<'a> {
     fn push_opacity(
         &mut self,
         part: &PrimitiveFaces,
-        material: &Material,
+        material: &GltfMaterial,
         alpha: impl Fn(usize) -> f32,
     ) {
         if material.is_opaque() {

@@ -43,4 +43,4 @@ pub(crate) use part::node_names;
 pub(crate) use read::gltf_info;
 pub use read::{GltfInfo, read};
 pub use splats::{holds_splats, read_splats};
-pub use write::{Written, to_glb_bytes, write_glb, write_gltf};
+pub use write::{WrittenGltf, to_glb_bytes, write_glb, write_gltf};

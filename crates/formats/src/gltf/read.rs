@@ -7,7 +7,8 @@ use super::accessor::Accessors;
 use super::buffers::Buffers;
 use super::container::ContainerFile;
 use super::document::{
-    self, Document, INSTANCING, Mesh, MeshInstance, Primitive, instances, is_readable, take_off,
+    self, GltfDocument, GltfMesh, INSTANCING, MeshInstance, Primitive, instances, is_readable,
+    take_off,
 };
 use super::merge::MergedMesh;
 use super::{compose, part};
@@ -33,7 +34,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     let path = source.path.clone();
     let limits = &options.limits;
     let container = ContainerFile::read(&mut source, limits)?;
-    let document: Document = document::parse(&path, &container.json, limits)
+    let document: GltfDocument = document::parse(&path, &container.json, limits)
         .and_then(|document| check_support(&path, &document).map(|()| document))
         .map_err(|error| crate::foreign_json(&path, &container.json).unwrap_or(error))?;
     let instances = instances(&path, &document, limits)?;
@@ -85,7 +86,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
 /// Refuse more triangles than the limit by the counts of the document, before anything is read. A
 /// primitive without triangles counts as one.
 fn check_triangles(
-    document: &Document,
+    document: &GltfDocument,
     accessors: &mut Accessors,
     instances: &[MeshInstance],
     limits: &Limits,
@@ -98,8 +99,9 @@ fn check_triangles(
             _ => corners.saturating_sub(2).max(1),
         }
     };
-    let sum =
-        |mesh: &Mesh| mesh.primitives.iter().map(&mut of_primitive).fold(0, u64::saturating_add);
+    let sum = |mesh: &GltfMesh| {
+        mesh.primitives.iter().map(&mut of_primitive).fold(0, u64::saturating_add)
+    };
     let of_mesh: Vec<u64> = document.meshes.iter().map(sum).collect();
     let mut total = 0u64;
     for instance in instances {
@@ -114,7 +116,7 @@ fn check_triangles(
 
 /// The instances, each as often as its node copies it.
 fn with_copies(
-    document: &Document,
+    document: &GltfDocument,
     accessors: &mut Accessors,
     instances: Vec<MeshInstance>,
     limits: &Limits,
@@ -181,7 +183,7 @@ fn with_copies(
     Ok(all)
 }
 
-pub(crate) fn check_support(path: &Path, document: &Document) -> Result<()> {
+pub(crate) fn check_support(path: &Path, document: &GltfDocument) -> Result<()> {
     if !document.asset.version.starts_with("2.") {
         return Err(Error::unsupported(
             path,
@@ -227,7 +229,7 @@ pub struct GltfInfo {
 /// A broken container or document; those of the operating system.
 pub(crate) fn gltf_info(mut source: Source, limits: &Limits) -> Result<GltfInfo> {
     let container = ContainerFile::read(&mut source, limits)?;
-    let document: Document = document::parse(&source.path, &container.json, limits)?;
+    let document: GltfDocument = document::parse(&source.path, &container.json, limits)?;
     Ok(GltfInfo {
         nodes: document.nodes.len() as u64,
         meshes: document.meshes.len() as u64,

@@ -7,7 +7,7 @@ use super::accessor::Accessors;
 use super::buffers::Buffers;
 use super::compose;
 use super::container::ContainerFile;
-use super::document::{self, Document, MeshInstance, limited};
+use super::document::{self, GltfDocument, MeshInstance, limited};
 use crate::finish::{origin_of, sampled};
 use crate::format::{GLTF_EXTENSION, SPZ_EXTENSION};
 use crate::splats::{finish, spz, unit, zeroed};
@@ -94,7 +94,7 @@ pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<Imported
     let path = source.path.clone();
     let limits = options.limits;
     let container = ContainerFile::read(&mut source, &limits)?;
-    let document: Document = document::parse(&path, &container.json, &limits)?;
+    let document: GltfDocument = document::parse(&path, &container.json, &limits)?;
     let own: SplatDocument = document::parse(&path, &container.json, &limits)?;
     super::read::check_support(&path, &document)?;
     let instances = document::instances(&path, &document, &limits)?;
@@ -111,7 +111,7 @@ pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<Imported
 }
 
 /// The Gaussians of one primitive, and their node.
-struct Part {
+struct SplatInstance {
     place: String,
     splats: Splats,
     transform: DMat4,
@@ -127,7 +127,11 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn parts(&mut self, document: &SplatDocument, instances: &[MeshInstance]) -> Result<Vec<Part>> {
+    fn parts(
+        &mut self,
+        document: &SplatDocument,
+        instances: &[MeshInstance],
+    ) -> Result<Vec<SplatInstance>> {
         let mut parts = Vec::new();
         for instance in instances {
             let Some(mesh) = document.meshes.get(instance.mesh) else {
@@ -154,7 +158,7 @@ impl Reader<'_> {
         primitive: &SplatPrimitive,
         place: String,
         instance: &MeshInstance,
-    ) -> Result<Part> {
+    ) -> Result<SplatInstance> {
         let malformed = |reason: String| Error::malformed(self.path, place.clone(), reason);
         let unsupported = |what: String| Error::unsupported(self.path, format!("{place}: {what}"));
         if primitive.mode != Some(POINTS) {
@@ -194,7 +198,7 @@ impl Reader<'_> {
             }
             None => self.listed(primitive, &place)?,
         };
-        Ok(Part { place, splats, transform, turn, scale: size })
+        Ok(SplatInstance { place, splats, transform, turn, scale: size })
     }
 
     /// The Gaussians in accessors, one for each of their numbers.
@@ -277,7 +281,7 @@ impl Reader<'_> {
     }
 
     /// All of them, and the origin that was subtracted from their positions.
-    fn splats(&mut self, parts: &[Part]) -> Result<(Splats, DVec3)> {
+    fn splats(&mut self, parts: &[SplatInstance]) -> Result<(Splats, DVec3)> {
         let limits = self.options.limits;
         let total = parts.iter().fold(0usize, |sum, part| sum.saturating_add(part.splats.len()));
         let degree = parts.iter().map(|part| part.splats.sh_degree).max().unwrap_or(0);
@@ -285,7 +289,7 @@ impl Reader<'_> {
         let k = splats.sh_count();
         let mut positions: Vec<DVec3> = limits.zeroed(self.path.display(), total)?;
         let mut at = 0;
-        for Part { place, splats: own, transform, turn, scale } in parts {
+        for SplatInstance { place, splats: own, transform, turn, scale } in parts {
             let is_turned = turn.w.abs() < 1.0 - f64::EPSILON;
             let coefficients = own.sh_count();
             let drawn = if is_turned { 1 } else { coefficients };

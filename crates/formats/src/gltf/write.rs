@@ -5,7 +5,7 @@
 
 use super::compose;
 use super::container::{self, Container, check_size, glb_size};
-use super::encode::Content;
+use super::encode::GltfContent;
 use super::options::GltfOptions;
 use std::io::Write;
 use std::path::Path;
@@ -13,7 +13,7 @@ use trisplat_scene::{Asset, Error, Result};
 
 /// What was written.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Written {
+pub struct WrittenGltf {
     /// Size in bytes: the GLB, or the .gltf and its .bin together.
     pub bytes: u64,
     /// Largest distance between a vertex and its place in an engine, in file units.
@@ -61,8 +61,8 @@ pub fn write_glb(
     path: &Path,
     asset: &Asset,
     options: &GltfOptions,
-) -> Result<Written> {
-    let content = Content::new(path, asset, options)?;
+) -> Result<WrittenGltf> {
+    let content = GltfContent::new(path, asset, options)?;
     let json = compose::json(&content, None).map_err(|e| Error::io(path, e.into()))?;
     let bytes = glb_size(json.len() as u64, content.bin_bytes);
     let large = check_size(path, Container::Glb, bytes, options.allow_huge)?;
@@ -87,8 +87,8 @@ pub fn write_gltf(
     path: &Path,
     asset: &Asset,
     options: &GltfOptions,
-) -> Result<Written> {
-    let content = Content::new(path, asset, options)?;
+) -> Result<WrittenGltf> {
+    let content = GltfContent::new(path, asset, options)?;
     let text = compose::json(&content, Some(bin_name)).map_err(|e| Error::io(path, e.into()))?;
     let bytes = text.len() as u64 + content.bin_bytes;
     let large = check_size(path, Container::Gltf, bytes, options.allow_huge)?;
@@ -100,7 +100,7 @@ pub fn write_gltf(
     Ok(written(&content, bytes, large))
 }
 
-fn written(content: &Content, bytes: u64, large: Option<String>) -> Written {
+fn written(content: &GltfContent, bytes: u64, large: Option<String>) -> WrittenGltf {
     let collapsed = content.parts.iter().map(|p| p.loss.collapsed).sum::<u64>();
     let mut warnings: Vec<String> = large.into_iter().collect();
     if collapsed > 0 {
@@ -111,5 +111,5 @@ fn written(content: &Content, bytes: u64, large: Option<String>) -> Written {
         ));
     }
     let worst_position_error = content.parts.iter().map(|p| p.loss.worst).fold(0.0, f32::max);
-    Written { bytes, worst_position_error, collapsed, warnings }
+    WrittenGltf { bytes, worst_position_error, collapsed, warnings }
 }

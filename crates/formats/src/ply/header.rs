@@ -98,7 +98,7 @@ impl Element {
 
 /// The header of a PLY file: its encoding, elements and comments.
 #[derive(Debug)]
-pub struct Header {
+pub struct PlyHeader {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
     pub(super) comments: Vec<String>,
@@ -106,14 +106,14 @@ pub struct Header {
     pub(super) body: u64,
 }
 
-impl Header {
+impl PlyHeader {
     pub(super) fn element(&self, name: &str) -> Option<&Element> {
         self.elements.iter().find(|e| e.name == name)
     }
 }
 
 /// Reads up to and including `end_header`.
-pub fn read(source: &mut Source) -> Result<Header> {
+pub fn read(source: &mut Source) -> Result<PlyHeader> {
     let path = source.path.clone();
     let io = |e| Error::io(&path, e);
     source.rewind()?;
@@ -147,7 +147,7 @@ pub fn read(source: &mut Source) -> Result<Header> {
             "has no format line; expected `format binary_little_endian 1.0`",
         )
     })?;
-    Ok(Header { encoding, elements: draft.elements, comments: draft.comments, body })
+    Ok(PlyHeader { encoding, elements: draft.elements, comments: draft.comments, body })
 }
 
 /// A header during reading.

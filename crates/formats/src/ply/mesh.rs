@@ -1,7 +1,7 @@
 //! Triangle mesh PLY with vertex or face colours, read and written.
 
 use super::header::{Column, Scalar};
-use super::table::{self, Table};
+use super::table::{self, PlyTable};
 use crate::ReadOptions;
 use crate::faces::{Clamped, Triangles, mean};
 use crate::lines::{to_comment, write_blocks};
@@ -20,8 +20,8 @@ use trisplat_scene::{Asset, Error, Result, Texture};
 /// The mesh, relative to `origin`, with the pictures that `comments` name; guesses and repairs are
 /// added to `warnings`.
 pub(super) fn read(
-    vertices: &Table,
-    faces: &Table,
+    vertices: &PlyTable,
+    faces: &PlyTable,
     origin: DVec3,
     comments: &[String],
     options: &ReadOptions,
@@ -83,8 +83,8 @@ type Textures = BTreeMap<usize, Option<Arc<Texture>>>;
 /// The faces on the pictures of `comment TextureFile`, and those that could be read; none without
 /// any.
 fn pictures(
-    vertices: &Table,
-    faces: &Table,
+    vertices: &PlyTable,
+    faces: &PlyTable,
     triangles: &Triangles,
     comments: &[String],
     options: &ReadOptions,
@@ -159,7 +159,7 @@ struct Channels {
 }
 
 impl Channels {
-    fn of(table: &Table) -> Result<Option<Self>> {
+    fn of(table: &PlyTable) -> Result<Option<Self>> {
         let named = |names: [&str; 4]| {
             let [r, g, b, a] = names.map(|name| table.find(name));
             Some(Self { rgb: [r?, g?, b?], alpha: a })
@@ -179,7 +179,11 @@ impl Channels {
     }
 
     /// Linear colours, and alpha if any value is below 1. `[rows]`, `[rows]` or `[]`
-    fn read(&self, table: &Table, warnings: &mut Vec<String>) -> Result<(Vec<[f32; 3]>, Vec<f32>)> {
+    fn read(
+        &self,
+        table: &PlyTable,
+        warnings: &mut Vec<String>,
+    ) -> Result<(Vec<[f32; 3]>, Vec<f32>)> {
         let mut colors = vec![[0.0; 3]; table.rows];
         let mut alpha = vec![0.0; table.rows];
         let step = table.rows_per_block();

@@ -1,8 +1,8 @@
 //! The soup PLY: our own file of a trained scene, and a valid triangle mesh. See
 //! `docs/soup-ply.md`.
 
-use super::header::{Column, Element, Header};
-use super::table::{self, Table};
+use super::header::{Column, Element, PlyHeader};
+use super::table::{self, PlyTable};
 use crate::ReadOptions;
 use crate::lines::{to_comment, write_blocks};
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
@@ -22,8 +22,8 @@ pub(super) fn is_soup(faces: &Element) -> bool {
 
 /// The soup, relative to `origin`, with SH up to `options.sh_degree`; higher degrees are skipped.
 pub(super) fn read(
-    vertices: &Table,
-    faces: &Table,
+    vertices: &PlyTable,
+    faces: &PlyTable,
     origin: DVec3,
     options: &ReadOptions,
 ) -> Result<Soup> {
@@ -235,7 +235,7 @@ const FLOATS: [&str; 16] = [
 const WHOLE: [&str; 2] = ["width", "height"];
 
 /// The name of the element, empty unless it exists with all properties of a camera.
-pub(super) fn view_name(header: &Header) -> &'static str {
+pub(super) fn view_name(header: &PlyHeader) -> &'static str {
     let element = header.element(VIEW).filter(|e| FLOATS.iter().chain(&WHOLE).all(|p| e.has(p)));
     element.map_or("", |_| VIEW)
 }
@@ -264,7 +264,7 @@ fn write_views(out: &mut dyn Write, cameras: &[Camera]) -> io::Result<()> {
 }
 
 /// The cameras. An error names the first row that is invalid, or whose pictures are too large.
-pub(super) fn read_views(table: &Table, limits: &Limits) -> Result<Vec<Camera>> {
+pub(super) fn read_views(table: &PlyTable, limits: &Limits) -> Result<Vec<Camera>> {
     let floats = table.columns(FLOATS)?;
     let whole = table.columns(WHOLE)?;
     let mut cameras = Vec::new();

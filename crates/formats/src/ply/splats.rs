@@ -1,7 +1,7 @@
 //! Gaussians in a PLY, as the trainers of 3DGS, 2DGS and Mip-Splatting write them.
 
-use super::header::{Column, Element, Header};
-use super::table::{self, Table};
+use super::header::{Column, Element, PlyHeader};
+use super::table::{self, PlyTable};
 use crate::splats::{sh0, unit, with_largest, zeroed};
 use crate::{ReadOptions, Source};
 use glam::{DVec3, Quat, Vec3};
@@ -18,7 +18,7 @@ pub(super) fn are_in(vertices: &Element) -> bool {
 /// dialect than that of the trainers.
 pub(super) fn read(
     source: &Source,
-    header: &Header,
+    header: &PlyHeader,
     options: &ReadOptions,
     warnings: &mut Vec<String>,
 ) -> Result<(Splats, DVec3)> {
@@ -67,7 +67,7 @@ struct Columns {
 }
 
 impl Columns {
-    fn of(vertices: &Table, highest: u8) -> Result<Self> {
+    fn of(vertices: &PlyTable, highest: u8) -> Result<Self> {
         let (higher, sh_degree) = vertices.sh_columns(highest)?;
         let has_colors = vertices.find("f_dc_0").is_none() && vertices.find("red").is_some();
         let first =
@@ -91,7 +91,7 @@ impl Columns {
     }
 
     /// Fills in everything except the positions.
-    fn read(&self, vertices: &Table, splats: &mut Splats) -> Result<()> {
+    fn read(&self, vertices: &PlyTable, splats: &mut Splats) -> Result<()> {
         let step = vertices.rows_per_block();
         let k = self.sh.len();
         let shapes = splats.scales.chunks_mut(step).zip(splats.rotations.chunks_mut(step));
@@ -193,7 +193,7 @@ type Ranges = [[f64; 2]; RANGES.len()];
 /// The Gaussians.
 pub(super) fn read_packed(
     source: &Source,
-    header: &Header,
+    header: &PlyHeader,
     options: &ReadOptions,
 ) -> Result<Splats> {
     let path = &source.path;
@@ -228,7 +228,7 @@ pub(super) fn read_packed(
     Ok(splats)
 }
 
-fn read_ranges(chunks: &Table) -> Result<Vec<Ranges>> {
+fn read_ranges(chunks: &PlyTable) -> Result<Vec<Ranges>> {
     let has_colors = chunks.find("min_r").is_some();
     let mut columns = Vec::new();
     for name in &RANGES[..if has_colors { RANGES.len() } else { 6 }] {
@@ -248,7 +248,7 @@ fn read_ranges(chunks: &Table) -> Result<Vec<Ranges>> {
     Ok(out)
 }
 
-fn read_shapes(vertices: &Table, ranges: &[Ranges], splats: &mut Splats) -> Result<()> {
+fn read_shapes(vertices: &PlyTable, ranges: &[Ranges], splats: &mut Splats) -> Result<()> {
     let [position, rotation, scale, color] =
         vertices.columns(["packed_position", "packed_rotation", "packed_scale", "packed_color"])?;
     let k = splats.sh_count();

@@ -5,10 +5,10 @@
 //! (ascii, big-endian, polygons, other lists) is rewritten into one in memory first, see
 //! [`super::transcode`].
 
-use super::header::{Column, Element, Encoding, Header, PropertyType, Scalar};
+use super::header::{Column, Element, Encoding, PlyHeader, PropertyType, Scalar};
 use super::transcode::{self, Wanted};
 use crate::Source;
-use crate::faces::{Faces, PlacedCorners, not_a_triangle};
+use crate::faces::{FaceList, PlacedCorners, not_a_triangle};
 use crate::finish::{origin_of, sampled};
 use crate::lines::write_blocks;
 use glam::{DVec3, Vec2, Vec3};
@@ -23,7 +23,7 @@ const BLOCK: usize = 1 << 19;
 
 /// The rows of one element.
 #[derive(Debug)]
-pub struct Table<'a> {
+pub struct PlyTable<'a> {
     pub(super) path: &'a Path,
     pub(super) element: &'a Element,
     pub(super) rows: usize,
@@ -33,7 +33,7 @@ pub struct Table<'a> {
     columns: Vec<(&'a str, Column)>,
     /// The count and the first number of the corner list, which always holds three here.
     corners: Option<(Column, Column)>,
-    body: Body<'a>,
+    body: RowStorage<'a>,
     /// The faces with more than three corners, in order; their rows hold the first three.
     polygons: Vec<(usize, Vec<i64>)>,
     /// The numbers of all lists of texture coordinates, and where each row's end.
@@ -42,7 +42,7 @@ pub struct Table<'a> {
 
 /// Where the rows are.
 #[derive(Debug)]
-enum Body<'a> {
+enum RowStorage<'a> {
     File(&'a File, u64),
     Memory(Vec<u8>),
 }
@@ -55,11 +55,11 @@ enum Body<'a> {
 /// More rows than a scene may have, before any is read; a file that is too short for them.
 pub(super) fn open<'a, const N: usize>(
     source: &'a Source,
-    header: &'a Header,
+    header: &'a PlyHeader,
     names: [&str; N],
     polygons: bool,
     limits: &Limits,
-) -> Result<[Option<Table<'a>>; N]> {
+) -> Result<[Option<PlyTable<'a>>; N]> {
     let place = |element: &Element| format!("{}: element {}", source.path.display(), element.name);
     header.element("face").map_or(Ok(()), |face| limits.triangles(place(face), face.rows))?;
     header
@@ -75,7 +75,7 @@ pub(super) fn open<'a, const N: usize>(
             Some(_) if polygons && element.name == "face" => Wanted::Polygons,
             Some(_) => Wanted::Triangles,
         };
-        let (table, end) = Table::open(source, header.encoding, element, at, wanted)?;
+        let (table, end) = PlyTable::open(source, header.encoding, element, at, wanted)?;
         at = end;
         if let Some(slot) = slot(element) {
             tables[slot] = Some(table);
@@ -86,20 +86,24 @@ pub(super) fn open<'a, const N: usize>(
 
 /// A table that the file must have.
 pub(super) fn required<'a>(
-    table: Option<Table<'a>>,
+    table: Option<PlyTable<'a>>,
     source: &Source,
     name: &str,
-) -> Result<Table<'a>> {
+) -> Result<PlyTable<'a>> {
     table.ok_or_else(|| Error::malformed(&source.path, "header", format!("has no element {name}")))
 }
 
 /// Only the rows of `vertex`: a cloud of points.
-pub fn points<'a>(source: &'a Source, header: &'a Header, limits: &Limits) -> Result<Table<'a>> {
+pub fn points<'a>(
+    source: &'a Source,
+    header: &'a PlyHeader,
+    limits: &Limits,
+) -> Result<PlyTable<'a>> {
     let [vertices] = open(source, header, ["vertex"], false, limits)?;
     required(vertices, source, "vertex")
 }
 
-impl<'a> Table<'a> {
+impl<'a> PlyTable<'a> {
     /// The rows of `element`, which start at byte `at`, and the byte after the last one. The file
     /// is checked to be long enough for them.
     fn open(
@@ -117,7 +121,7 @@ impl<'a> Table<'a> {
             stride: 0,
             columns: Vec::new(),
             corners: None,
-            body: Body::File(&source.file, at),
+            body: RowStorage::File(&source.file, at),
             polygons: Vec::new(),
             places: Default::default(),
         };
@@ -141,7 +145,7 @@ impl<'a> Table<'a> {
             return Ok((table, end));
         }
         let out = transcode::rows(source, encoding, element, at, wanted)?;
-        table.body = Body::Memory(out.bytes);
+        table.body = RowStorage::Memory(out.bytes);
         table.polygons = out.polygons;
         table.places = (out.places, out.places_until);
         Ok((table, out.end))
@@ -276,8 +280,8 @@ impl<'a> Table<'a> {
         let from = first * self.stride;
         let len = rows * self.stride;
         match &self.body {
-            Body::Memory(bytes) => Ok(&bytes[from..from + len]),
-            Body::File(file, offset) => {
+            RowStorage::Memory(bytes) => Ok(&bytes[from..from + len]),
+            RowStorage::File(file, offset) => {
                 buffer.resize(len, 0);
                 read_at(file, buffer, offset + from as u64).map_err(|e| Error::io(self.path, e))?;
                 Ok(buffer)
@@ -378,12 +382,12 @@ impl<'a> Table<'a> {
     }
 
     /// All faces, their corners below `vertices`.
-    pub(super) fn faces(&self, vertices: usize, limits: &Limits) -> Result<Faces> {
+    pub(super) fn faces(&self, vertices: usize, limits: &Limits) -> Result<FaceList> {
         let indices = self.triangles(vertices, limits)?;
         if self.polygons.is_empty() {
-            return Ok(Faces::from_triangles(indices));
+            return Ok(FaceList::from_triangles(indices));
         }
-        let mut out = Faces::default();
+        let mut out = FaceList::default();
         let mut polygons = self.polygons.iter().peekable();
         for (face, triangle) in indices.chunks_exact(3).enumerate() {
             let pushed = match polygons.next_if(|(polygon, _)| *polygon == face) {

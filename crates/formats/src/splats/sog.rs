@@ -91,12 +91,12 @@ struct Archive<'a> {
 }
 
 /// A picture, RGBA.
-struct Picture {
+struct SogPicture {
     name: String,
     rgba: RgbaImage,
 }
 
-impl Picture {
+impl SogPicture {
     fn pixels(&self) -> &[[u8; 4]] {
         self.rgba.as_raw().as_chunks().0
     }
@@ -170,7 +170,7 @@ impl<'a> Archive<'a> {
     }
 
     /// A picture of `least` to `most` pixels.
-    fn picture(&mut self, name: &str, least: usize, most: usize) -> Result<Picture> {
+    fn picture(&mut self, name: &str, least: usize, most: usize) -> Result<SogPicture> {
         let bytes = self.bytes(name, SPARE_BYTES + 4 * most as u64)?;
         let broken = |e: image::ImageError| {
             Error::malformed(self.path, name, format!("is no whole WebP picture: {e}"))
@@ -184,11 +184,11 @@ impl<'a> Archive<'a> {
             return Err(Error::malformed(self.path, name, reason));
         }
         let rgba = DynamicImage::from_decoder(decoder).map_err(broken)?.into_rgba8();
-        Ok(Picture { name: name.to_owned(), rgba })
+        Ok(SogPicture { name: name.to_owned(), rgba })
     }
 
     /// A picture with a pixel for each of `count` Gaussians.
-    fn picture_of(&mut self, name: &str, count: usize) -> Result<Picture> {
+    fn picture_of(&mut self, name: &str, count: usize) -> Result<SogPicture> {
         self.picture(name, count, 4 * count + SPARE_PIXELS)
     }
 

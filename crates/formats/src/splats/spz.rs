@@ -32,7 +32,7 @@ const LONG_HEADER: usize = 32;
 /// What encoders of zstd refer back to, whatever the length of an array.
 const MIN_WINDOW: u64 = 1 << 23;
 /// What the header says.
-struct Header {
+struct SpzHeader {
     version: u32,
     count: usize,
     sh_degree: u8,
@@ -52,7 +52,7 @@ pub(crate) fn read(mut source: Source, options: &ReadOptions) -> Result<Imported
     let file = std::io::BufReader::new(&*source.file);
     let splats = if is_plain {
         let bytes = read_all(path, file, source.len, limits)?;
-        let header = Header::parse(&source, &bytes, limits)?;
+        let header = SpzHeader::parse(&source, &bytes, limits)?;
         header.splats(path, &mut frames(path, &bytes, limits)?, options)?
     } else {
         let mut stream = flate2::read::GzDecoder::new(file);
@@ -60,7 +60,7 @@ pub(crate) fn read(mut source: Source, options: &ReadOptions) -> Result<Imported
             let array = read_all(path, (&mut stream).take(length), length, limits);
             array.map_err(|error| damaged(path, error, "its compressed bytes", "gzip -t"))
         };
-        let header = Header::parse(&source, &next(HEADER as u64)?, limits)?;
+        let header = SpzHeader::parse(&source, &next(HEADER as u64)?, limits)?;
         let splats = header.splats(path, &mut next, options)?;
         // The check sum follows the last array.
         next(1)?;
@@ -114,7 +114,7 @@ fn word(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(four)
 }
 
-impl Header {
+impl SpzHeader {
     fn parse(source: &Source, bytes: &[u8], limits: &Limits) -> Result<Self> {
         let malformed = |reason: String| Error::malformed(&source.path, "header", reason);
         if bytes.len() < HEADER || !bytes.starts_with(b"NGSP") {

@@ -23,7 +23,7 @@ const REMEDY: &str = "move it elsewhere, or give another folder";
 
 /// The files of one folder.
 #[derive(Debug)]
-pub struct Manifest {
+pub struct FileManifest {
     root: PathBuf,
     /// Its own file, relative to the folder.
     name: &'static str,
@@ -31,12 +31,12 @@ pub struct Manifest {
 }
 
 /// By name in the folder.
-type Files = BTreeMap<String, Option<Written>>;
+type Files = BTreeMap<String, Option<FileFingerprint>>;
 
 /// A finished file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Written {
+struct FileFingerprint {
     bytes: u64,
     xxh3: String,
 }
@@ -48,7 +48,7 @@ struct Stored {
     written_by_trisplat: Files,
 }
 
-impl Manifest {
+impl FileManifest {
     /// Reads the list of `root` from its file `name`; empty if there is none.
     ///
     /// # Errors
@@ -99,7 +99,7 @@ impl Manifest {
         for name in self.files.keys().filter(|name| self.files[*name].is_none()) {
             let path = self.root.join(name);
             if std::fs::symlink_metadata(&path).is_ok_and(|meta| meta.is_file()) {
-                files.insert(name.clone(), Some(Written::of(&path)?))
+                files.insert(name.clone(), Some(FileFingerprint::of(&path)?))
             } else {
                 files.remove(name).flatten().map(Some)
             };
@@ -148,7 +148,7 @@ impl Manifest {
         }
         Ok(match self.files.get(name) {
             Some(None) => None,
-            Some(Some(written)) if Written::of(&path)? == *written => None,
+            Some(Some(written)) if FileFingerprint::of(&path)? == *written => None,
             Some(Some(_)) => Some(CHANGED),
             None => Some(UNKNOWN),
         })
@@ -168,7 +168,7 @@ impl Manifest {
     }
 }
 
-impl Written {
+impl FileFingerprint {
     fn of(path: &Path) -> Result<Self> {
         let (bytes, hash) = hash_of(path).map_err(|e| Error::io(path, e))?;
         Ok(Self { bytes, xxh3: format!("{hash:016x}") })
@@ -199,15 +199,15 @@ mod tests {
     const LIST: &str = "files.json";
 
     /// A folder with the finished files `one` and `two`.
-    fn folder() -> (tempfile::TempDir, Manifest) {
+    fn folder() -> (tempfile::TempDir, FileManifest) {
         let folder = tempfile::tempdir().unwrap();
-        let mut list = Manifest::read(folder.path(), LIST).unwrap();
+        let mut list = FileManifest::read(folder.path(), LIST).unwrap();
         list.begin(&["one", "two"]).unwrap();
         ["one", "two"]
             .iter()
             .for_each(|name| std::fs::write(folder.path().join(name), name).unwrap());
         list.finish().unwrap();
-        let list = Manifest::read(folder.path(), LIST).unwrap();
+        let list = FileManifest::read(folder.path(), LIST).unwrap();
         (folder, list)
     }
 
@@ -251,11 +251,11 @@ mod tests {
         list.begin(&["base"]).unwrap();
         // As after a kill: the list is read again.
         std::fs::write(at("base"), "half").unwrap();
-        let mut list = Manifest::read(folder.path(), LIST).unwrap();
+        let mut list = FileManifest::read(folder.path(), LIST).unwrap();
         list.begin(&["base"]).unwrap();
         std::fs::write(at("base"), "whole").unwrap();
         list.finish().unwrap();
-        let mut list = Manifest::read(folder.path(), LIST).unwrap();
+        let mut list = FileManifest::read(folder.path(), LIST).unwrap();
         std::fs::write(at("base"), "other").unwrap();
         assert!(list.begin(&["base"]).unwrap_err().to_string().contains(CHANGED));
         list.clear().unwrap();
@@ -274,7 +274,9 @@ mod tests {
         assert_eq!(names(folder.path()), ["kept", "one"]);
         for text in ["notes", "{}", r#"{"written_by_trisplat": {"../x": null}}"#] {
             std::fs::write(at(LIST), text).unwrap();
-            assert!(Manifest::read(folder.path(), LIST).unwrap_err().to_string().contains(UNKNOWN));
+            assert!(
+                FileManifest::read(folder.path(), LIST).unwrap_err().to_string().contains(UNKNOWN)
+            );
         }
     }
 }

@@ -12,7 +12,7 @@ use std::path::Path;
 /// Decodes a picture; its first bytes decide the format, not its name. Its stated size is checked
 /// before memory is allocated.
 pub(super) fn decode(path: &Path, limits: &Limits) -> Result<image::DynamicImage> {
-    Opened::new(path, limits)?.decode(path, limits)
+    OpenPicture::new(path, limits)?.decode(path, limits)
 }
 
 /// The same for bytes in memory; `path` is for messages.
@@ -29,14 +29,14 @@ pub(super) fn decode_bytes(
 }
 
 /// A picture file at byte 0.
-struct Opened {
+struct OpenPicture {
     file: BufReader<File>,
     len: u64,
     /// Its first bytes.
     start: Vec<u8>,
 }
 
-impl Opened {
+impl OpenPicture {
     fn new(path: &Path, limits: &Limits) -> Result<Self> {
         let (file, len) = input::open(path, limits)?;
         limits.document(path.display(), len)?;
@@ -91,7 +91,7 @@ pub(super) fn decode_reduced(
     limits: &Limits,
 ) -> Result<(image::DynamicImage, UVec2)> {
     let io = |e| Error::io(path, e);
-    let mut opened = Opened::new(path, limits)?;
+    let mut opened = OpenPicture::new(path, limits)?;
     if opened.start.starts_with(&JPEG_START) {
         let bytes = opened.bytes(path, limits)?;
         let full = header_size(path, Cursor::new(&bytes), bytes.len() as u64, limits)?;
