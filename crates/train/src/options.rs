@@ -56,15 +56,16 @@ pub struct TrainOptions {
     /// The kind of result: opaque triangles for engines, or soft ones.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub preset: TrainPreset,
-    /// Number of steps, one photo each; every schedule stretches with it.
+    /// Number of steps, one photo each; every schedule stretches with it. Soft presets have 5000.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = TrainOptions::default().steps))]
     #[schemars(range(min = 1, max = 1_000_000_000))]
     pub steps: u64,
-    /// Maximum number of triangles of the scene.
+    /// Maximum number of triangles of the scene. Soft presets have 60,000.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = TrainOptions::default().max_triangles))]
     #[schemars(range(min = 1, max = 1_000_000_000))]
     pub max_triangles: u64,
-    /// Highest degree of the view-dependent colour, 0 to 3; it is reached one degree at a time.
+    /// Highest degree of the view-dependent colour, 0 to 3; it is reached one degree at a time. Soft
+    /// presets have 3.
     #[cfg_attr(feature = "cli", arg(long, value_name = "D", default_value_t = TrainOptions::default().sh_degree, value_parser = clap::value_parser!(u8).range(0..=3)))]
     #[schemars(range(max = 3))]
     pub sh_degree: u8,
