@@ -11,7 +11,12 @@ fn main() -> trisplat::Result<()> {
     let baked = trisplat::bake(scene, &BakeOptions::small())?;
     let written = baked.write(arguments.next().unwrap_or("scene.glb".into()))?;
     for file in written.files {
-        println!("{}: {} triangles, {} bytes", file.path, baked.mesh.face_count(), file.bytes);
+        println!(
+            "{}: {} triangles, {} bytes",
+            file.path,
+            baked.asset.mesh.face_count(),
+            file.bytes
+        );
     }
     Ok(())
 }

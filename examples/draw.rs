@@ -6,7 +6,8 @@ use trisplat::{Error, Renderer};
 fn main() -> trisplat::Result<()> {
     let file = std::env::args().nth(1).unwrap_or("samples/soups/trained.ply".into());
     let scene = trisplat::read(&file)?;
-    let Some(camera) = scene.cameras.first() else {
+    let cameras = scene.cameras();
+    let Some(camera) = cameras.first() else {
         return Err(Error::invalid(
             "scene",
             file,

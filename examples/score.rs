@@ -9,7 +9,8 @@ fn main() -> trisplat::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let file = arguments.next().unwrap_or("samples/soups/trained.ply".into());
     let photos = arguments.next().unwrap_or("samples/dataset".into());
-    let score = trisplat::score(file, &Dataset::load(photos, &DatasetOptions::default())?)?;
+    let photos = Dataset::load(photos, &DatasetOptions::default())?;
+    let score = trisplat::score(trisplat::read(file)?, &photos)?;
     println!("PSNR {:.2} dB, SSIM {:.4}, FLIP {:.4}", score.psnr, score.ssim, score.flip);
     Ok(())
 }

@@ -4,7 +4,7 @@
 #![allow(clippy::print_stdout, reason = "a program talks to its user")]
 
 use std::ops::ControlFlow;
-use trisplat::{Dataset, DatasetOptions, Event, TrainEvent, TrainOptions};
+use trisplat::{Dataset, DatasetOptions, Event, TrainOptions};
 
 fn main() -> trisplat::Result<()> {
     let mut arguments = std::env::args().skip(1);
@@ -14,9 +14,9 @@ fn main() -> trisplat::Result<()> {
 
     let photos = Dataset::load(photos, &DatasetOptions::default())?;
     println!("{} photos, {} held out", photos.len(), photos.test().count());
-    let options = TrainOptions { steps, max_triangles: 4000, ..TrainOptions::default() };
+    let options = TrainOptions::default().steps(steps).max_triangles(4000);
     let trained = trisplat::train(&photos, &options, &mut |event| match event {
-        Event::Train(part, TrainEvent::Step { sample, .. }) if sample.step % 100 == 0 => {
+        Event::Step { part, sample, .. } if sample.step % 100 == 0 => {
             println!(
                 "{part:?} {:>5}: {:.2} dB, {} triangles",
                 sample.step, sample.psnr, sample.triangles

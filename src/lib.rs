@@ -27,11 +27,19 @@
 //! ```
 //! # use trisplat::{BakeOptions, Mesh, glam::Vec3};
 //! # let triangles = [[Vec3::ZERO, Vec3::X, Vec3::Y], [Vec3::X, Vec3::ONE, Vec3::Y]];
-//! # let colors = [[1.0, 0.5, 0.0], [0.0, 0.5, 1.0]];
-//! let asset = trisplat::bake(Mesh::from_triangles(&triangles, &colors)?, &BakeOptions::default())?;
-//! let bytes: Vec<u8> = asset.to_glb()?;
-//! # assert_eq!(trisplat::read_bytes(&bytes, trisplat::Format::Glb)?.scene.triangle_count(), 2);
+//! # let linear_rgb = [[1.0, 0.5, 0.0], [0.0, 0.5, 1.0]];
+//! let baked = trisplat::bake(Mesh::from_triangles(&triangles, &linear_rgb)?, &BakeOptions::default())?;
+//! let bytes: Vec<u8> = baked.to_glb()?;
+//! # assert_eq!(trisplat::read_bytes(&bytes, trisplat::Format::Glb)?.triangle_count(), 2);
 //! # Ok::<(), trisplat::Error>(())
+//! ```
+//!
+//! Gaussian splats in memory:
+//!
+//! ```no_run
+//! # use trisplat::{BakeOptions, Format};
+//! let baked = trisplat::bake(trisplat::read_bytes(&std::fs::read("splats.spz")?, Format::Spz)?, &BakeOptions::fast())?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
 //! Photos with poses become a scene, which [`Trained::save`] writes and [`bake()`] takes:
@@ -40,41 +48,46 @@
 //! # use std::ops::ControlFlow;
 //! # use trisplat::{Dataset, DatasetOptions, TrainOptions};
 //! let photos = Dataset::load("photos", &DatasetOptions::default())?;
-//! let trained = trisplat::train(&photos, &TrainOptions::default().steps(500), &mut |event| ControlFlow::Continue(()))?;
+//! let options = TrainOptions::default().steps(500).max_triangles(20_000).seed(1);
+//! let trained = trisplat::train(&photos, &options, &mut |event| ControlFlow::Continue(()))?;
 //! # Ok::<(), trisplat::Error>(())
 //! ```
 //!
-//! Pictures of a scene, which is prepared once:
+//! Scores on the photos that training did not see:
 //!
-//! ```
-//! # use trisplat::{Camera, Mesh, Renderer, glam::Vec3};
-//! # let scene = Mesh::from_triangles(&[[Vec3::NEG_X, Vec3::X, Vec3::Y]], &[[1.0, 0.5, 0.0]])?.into();
-//! # let (target, fov_y, angles) = (Vec3::ZERO, 0.8, [0.0f32, 1.0]);
-//! let renderer = Renderer::new(&scene)?;
-//! for angle in angles {
-//!     let eye = Vec3::new(angle.sin(), 0.5, angle.cos()) * 4.0;
-//!     let picture = renderer.draw(&Camera::look_at(eye, target, Vec3::Y, fov_y, [640, 480]))?;
-//!     # assert!(picture.rgb.iter().any(|pixel| *pixel != [0; 3]));
-//! }
+//! ```no_run
+//! # use trisplat::{BakeOptions, Dataset, DatasetOptions};
+//! # let photos = Dataset::load("photos", &DatasetOptions::default())?;
+//! # let baked = trisplat::bake(trisplat::read("scene.ply")?, &BakeOptions::fast())?;
+//! let scores: trisplat::Scores = trisplat::score(&baked, &photos)?;
 //! # Ok::<(), trisplat::Error>(())
 //! ```
 //!
-//! What a ray hits first:
+//! Pictures of a scene, which is prepared once; rays; a copy in another format:
 //!
-//! ```
-//! # use trisplat::{BakeOptions, Mesh, glam::Vec3};
+//! ```standalone_crate
+//! # use trisplat::{BakeOptions, Camera, Mesh, Renderer, glam::Vec3};
+//! # let folder = tempfile::tempdir()?;
+//! # std::env::set_current_dir(folder.path())?;
 //! # let mesh = Mesh::from_triangles(&[[Vec3::NEG_X, Vec3::X, Vec3::Y]], &[[1.0, 0.5, 0.0]])?;
-//! # let asset = trisplat::bake(mesh, &BakeOptions::fast())?;
+//! # trisplat::bake(mesh, &BakeOptions::default())?.write("mesh.glb")?;
 //! # let (origin, direction) = (Vec3::new(0.0, 0.5, 4.0), Vec3::NEG_Z);
-//! if let Some(hit) = asset.raycast(origin, direction) {
-//!     println!("{} at {}", hit.face, hit.distance);
+//! let scene = trisplat::read("mesh.glb")?;
+//! let renderer = Renderer::new(&scene)?;
+//! for camera in Camera::orbit(&scene.bounds(), 12, 0.8, [640, 480]) {
+//!     let picture = renderer.draw(&camera)?;
 //! }
-//! # Ok::<(), trisplat::Error>(())
+//! let hit: Option<trisplat::Hit> = scene.raycast(origin, direction);
+//! trisplat::write(&scene, "copy.ply")?;
+//! # assert!(hit.is_some() && trisplat::read("copy.ply")?.triangle_count() == scene.triangle_count());
+//! # std::env::set_current_dir("/")?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! [`BakeJob`] bakes with photos. The folder `examples` has whole programs; everything else is in
-//! the crates of the workspace. The command line is behind the feature `cli`, a graphics card
-//! behind `gpu`, the window behind `view`; only `cli` is on unless `default-features = false`.
+//! [`BakeJob`] bakes with photos, [`MakeJob`] goes from photos or a video to files. The folder
+//! `examples` has whole programs; everything else is in the crates of the workspace. The command
+//! line is behind the feature `cli`, a graphics card behind `gpu`, the window behind `view`; only
+//! `cli` is on unless `default-features = false`.
 
 #[cfg(feature = "cli")]
 #[doc(hidden)]
@@ -85,20 +98,32 @@ pub mod web;
 
 pub use glam;
 pub use trisplat_bake::{BakeOptions, BakePreset, MeshOptions, TextureWhen, Views, mesh};
-pub use trisplat_dataset::{Dataset, DatasetOptions};
+pub use trisplat_dataset::capture::{Capture, CaptureOptions, VerdictDetails};
+pub use trisplat_dataset::exposure::ExposureEvidence;
+pub use trisplat_dataset::{Dataset, DatasetOptions, Split, View};
 pub use trisplat_formats::gltf::GltfOptions;
+pub use trisplat_formats::output::{Output, OutputFiles};
 pub use trisplat_formats::{
-    Format, OutputOptions, OutputTarget as Target, ReadOptions, WrittenFiles,
+    Content, Format, OutputOptions, OutputTarget as Target, ReadOptions, WrittenFiles,
 };
 pub use trisplat_job::{
-    BakeDone, BakeInput, BakeJob, Baked, EvalJob, Event, MakeJob, MeshJob, Observer, RenderJob,
-    Renderer, TrainDone, TrainJob, TrainPart, bake, read, read_bytes, score, train,
+    AnyScene, BakeInput, BakeJob, Baked, CoverageScores, DepthScores, EvalJob, EvalReport, Event,
+    ImageScore, MakeDone, MakeJob, MakePart, MeshJob, Observer, PictureKind, ReadyEval,
+    ReadyRender, RenderJob, RenderMode, RenderOptions, Renderer, RepresentationScore,
+    ScoredPicture, Scores, TeacherPlan, TeacherSource, TrainBegins, TrainDone, TrainJob, TrainPart,
+    bake, read, read_bytes, score, train, write,
 };
-pub use trisplat_scene::camera::Camera;
+pub use trisplat_scene::camera::{Camera, Viewpoint};
 pub use trisplat_scene::image::RgbImage;
+pub use trisplat_scene::layered::Layered;
 pub use trisplat_scene::mesh::{Colors, Mesh};
-pub use trisplat_scene::report::{Report, StageEvent};
+pub use trisplat_scene::report::{Counts, OutputReport, Report, StageReport};
 pub use trisplat_scene::{
-    Asset, Budget, Error, ImportedScene, Limits, Result, Scene, Seconds, Soup, Splats,
+    Asset, Bounds, Budget, Error, Hit, ImportedScene, ImportedSplats, Limits, Provenance, Result,
+    Scene, Seconds, Soup, Splats,
 };
-pub use trisplat_train::{TrainEvent, TrainOptions, TrainPreset, TrainSample, Trained};
+pub use trisplat_train::budget::Correction;
+pub use trisplat_train::{
+    BackendOptions, Checkpoint, Densified, TrainOptions, TrainOutputs, TrainPreset, TrainSample,
+    Trained,
+};

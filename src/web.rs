@@ -22,9 +22,7 @@ use trisplat_scene::atomic::AtomicFile;
 use trisplat_scene::camera::Viewpoint;
 use trisplat_scene::input::{self, is_guarded};
 use trisplat_scene::layered::Layers;
-use trisplat_scene::report::StageEvent;
 use trisplat_scene::{Asset, Error, ImportedScene, Limits, Placement, Result, Scene, frames};
-use trisplat_train::TrainEvent;
 
 /// The folder for temporary files, because this target names none.
 const TEMPORARY: &str = "/tmp";
@@ -194,17 +192,17 @@ impl Lines {
     /// Prints what is new.
     fn tell(&mut self, event: &Event<'_>) {
         match event {
-            Event::Stage(StageEvent::Started(name)) => self.start(name),
-            Event::Stage(StageEvent::Progressed(fraction)) => self.at(*fraction),
-            Event::Stage(StageEvent::Finished(stage)) => say("finished", stage),
-            Event::Begins(begins) => {
+            Event::StageStarted(name) => self.start(name),
+            Event::StageProgress(fraction) => self.at(*fraction),
+            Event::StageFinished(stage) => say("finished", stage),
+            Event::TrainingStarted(begins) => {
                 self.start("train");
                 self.steps = begins.steps;
             }
-            Event::Train(_, TrainEvent::Step { sample, .. }) => {
+            Event::Step { sample, .. } => {
                 self.at(sample.step as f64 / self.steps.max(1) as f64);
             }
-            Event::Drew { done, all } => self.at(*done as f64 / (*all).max(1) as f64),
+            Event::PicturesDrawn { done, all } => self.at(*done as f64 / (*all).max(1) as f64),
             _ => {}
         }
     }

@@ -9,7 +9,6 @@ use std::path::PathBuf;
 use trisplat::{Dataset, DatasetOptions, Error, TrainJob, TrainOptions};
 use trisplat_job::{Event, TeacherSource, TrainPart};
 use trisplat_scene::{atomic::AtomicFile, report::OutputReport};
-use trisplat_train::TrainEvent;
 
 /// Trains a scene on a folder of photos with poses, as the program does.
 ///
@@ -108,7 +107,7 @@ impl Watcher {
     /// True when the callback asks to stop.
     fn tell(&self, py: Python<'_>, event: &Event<'_>) -> PyResult<bool> {
         py.check_signals()?;
-        let (Event::Train(part, TrainEvent::Step { sample, .. }), Some(callback)) =
+        let (Event::Step { part, sample, .. }, Some(callback)) =
             (event, &self.callback)
         else {
             return Ok(false);

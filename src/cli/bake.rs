@@ -15,7 +15,7 @@ use trisplat_bake::{BakeOptions, ReshapeDetails, TeacherDetails, TextureWhen};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::info::Softness;
 use trisplat_formats::output::OutputFormat;
-use trisplat_job::{BakeDone, BakeInput, BakeJob};
+use trisplat_job::{BakeInput, BakeJob, Baked};
 use trisplat_scale::{Blocks, bake_tiles, is_plan};
 use trisplat_scene::report::{Report, counted};
 use trisplat_scene::{Error, Result};
@@ -52,8 +52,7 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
         began: Some(clock),
     };
     let mut terminal = Terminal::new(global, flags::command_of::<BakeArgs>("bake"));
-    let BakeDone { mut report, .. } =
-        job.write(&output, files, &mut |event| terminal.tell(event))?;
+    let Baked { mut report, .. } = job.write(&output, files, &mut |event| terminal.tell(event))?;
     report.dry_run = args.dry_run;
     say(&report, &terminal.done());
     outputs.save_report(args.report.as_deref(), &report)

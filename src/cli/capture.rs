@@ -47,7 +47,7 @@ pub fn run(args: &CaptureArgs, global: &Global, inputs: &Inputs) -> Result<ExitC
     report.options = serde_json::to_value(&args.options).unwrap_or_default();
     let mut terminal = Terminal::new(global, flags::command_of::<CaptureArgs>("capture"));
     terminal.begin_part(MakePart::Capture);
-    let verdict = job.run(&mut report, &mut |event| terminal.tell_stage(event))?;
+    let verdict = job.run(&mut report, &mut |event| terminal.tell_stage(event.into()))?;
     let progress = &terminal.done();
     report.seconds = clock.elapsed().as_secs_f64();
     report.warnings.iter().for_each(|warning| progress.warn(warning));

@@ -11,7 +11,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, ShrunkSize, View};
 use trisplat_job::{
-    BesideScores, DepthScores, EvalJob, EvalReport, ScoredPicture, Scores, StepScore,
+    CoverageScores, DepthScores, EvalJob, EvalReport, RepresentationScore, ScoredPicture, Scores,
 };
 use trisplat_scene::{Error, Result};
 
@@ -117,13 +117,18 @@ impl Table {
         self.line(out, &self.cells(&score.name, drawn.step, &score.score))
     }
 
-    fn mean(&self, out: &mut dyn Write, step: &StepScore, report: &EvalReport) -> Result<()> {
+    fn mean(
+        &self,
+        out: &mut dyn Write,
+        step: &RepresentationScore,
+        report: &EvalReport,
+    ) -> Result<()> {
         let cells = self.cells("mean", &step.name, &step.mean);
         self.line(out, &format!("{cells}  {}", remark(step, report)))
     }
 
     /// Depth at tracked points, and what one sees beside the cameras.
-    fn off_camera(&self, out: &mut dyn Write, step: &StepScore) -> Result<()> {
+    fn off_camera(&self, out: &mut dyn Write, step: &RepresentationScore) -> Result<()> {
         let name = &step.name;
         if let Some(DepthScores { rays, within, before, behind }) = step.depth {
             let rays = thousands(rays);
@@ -139,7 +144,7 @@ impl Table {
             let what = "at each photo's exposure and white balance as tracked points tell them";
             self.line(out, &format!("exposed {name:<5} {psnr:.3} dB {what}"))?;
         }
-        let Some(BesideScores { unsupported, empty }) = step.beside else { return Ok(()) };
+        let Some(CoverageScores { unsupported, empty }) = step.beside else { return Ok(()) };
         let shares = format!("{unsupported:.3} that no photo supports, {empty:.3} empty");
         self.line(
             out,
@@ -154,7 +159,7 @@ impl Table {
 }
 
 /// The line after the means of a step.
-fn remark(step: &StepScore, report: &EvalReport) -> String {
+fn remark(step: &RepresentationScore, report: &EvalReport) -> String {
     let samples = report.ssaa;
     let (count, part) =
         step.splats.map_or((step.triangles, "triangle"), |splats| (splats, "splat"));

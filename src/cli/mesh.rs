@@ -97,7 +97,7 @@ pub fn run(
         return Ok(signals::ended());
     };
     output::write(&asset, &output, files, &options.output, &mut report, &mut |event| {
-        terminal.tell_stage(event)
+        terminal.tell_stage(event.into())
     })?;
     report.seconds = clock.elapsed().as_secs_f64();
 

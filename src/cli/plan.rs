@@ -15,6 +15,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, ReadOptions};
+use trisplat_job::{Event, TrainPart};
 use trisplat_scale::{
     Blocks, Expected, Manifest, NAME, PlanOptions, Planner, Task, check, find_coarse, keep_coarse,
     status, unnamed,
@@ -190,7 +191,8 @@ fn train_coarse(
     let mut bar = Bar::new(global, *until, run.steps(), None, run.curve())?;
     bar.line("training the coarse scene");
     bar.begun(run.card.as_deref(), &run.warnings);
-    let trained = unnamed(run.finish(&mut |event| bar.tell(event))?);
+    let trained =
+        unnamed(run.finish(&mut |event| bar.tell(Event::of_training(TrainPart::Scene, event)))?);
     if bar.is_stopped("the coarse scene", &trained)? {
         return Ok(None);
     }
@@ -302,7 +304,7 @@ pub(super) fn train_block(
     let mut bar =
         Bar::new(global, task.block().steps, run.steps(), args.log.as_deref(), run.curve())?;
     bar.begun(run.card.as_deref(), broken.iter().chain(&run.warnings).chain(&dataset.warnings));
-    let trained = run.finish(&mut |event| bar.tell(event))?;
+    let trained = run.finish(&mut |event| bar.tell(Event::of_training(TrainPart::Scene, event)))?;
     if bar.is_stopped("the block", &trained)? {
         return Ok(signals::ended());
     }

@@ -11,7 +11,8 @@ use trisplat_dataset::capture::{
     FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails,
 };
 use trisplat_dataset::exposure::ExposureEvidence;
-use trisplat_scene::report::{Report, StageDetails, StageEvent, StageReport, counted};
+use trisplat_job::Event;
+use trisplat_scene::report::{Report, StageDetails, StageReport, counted};
 use trisplat_train::TrainDetails;
 
 /// What is shown for a stage that does not report progress.
@@ -142,13 +143,13 @@ impl Progress {
 
 impl Progress {
     /// Shows an event of a stage.
-    pub fn tell(&mut self, event: StageEvent<'_>) {
+    pub fn tell(&mut self, event: Event<'_>) {
         match event {
-            StageEvent::Started(name) => self.started(name),
-            StageEvent::Progressed(fraction) => self.progressed(fraction),
-            StageEvent::Noted(what) => self.note(what),
-            StageEvent::Waiting => {}
-            StageEvent::Finished(stage) => self.finished(stage),
+            Event::StageStarted(name) => self.started(name),
+            Event::StageProgress(fraction) => self.progressed(fraction),
+            Event::StageNote(text) => self.note(text),
+            Event::StageFinished(stage) => self.finished(stage),
+            _ => {}
         }
     }
 

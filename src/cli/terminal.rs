@@ -11,7 +11,7 @@ use std::path::Path;
 use trisplat_dataset::exposure::ExposureEvidence;
 use trisplat_job::{Event, MakePart, TrainBegins, TrainPart};
 use trisplat_scene::Result;
-use trisplat_scene::report::{StageEvent, counted};
+use trisplat_scene::report::counted;
 
 /// Shows a job, and stops it where a request to stop does not lose work: in captures and trainings.
 pub(super) struct Terminal<'a> {
@@ -57,21 +57,30 @@ impl<'a> Terminal<'a> {
                 self.begin_part(part);
                 return told;
             }
-            Event::Stage(event) => return self.tell_stage(event),
+            Event::StageStarted(_)
+            | Event::StageProgress(_)
+            | Event::StageNote(_)
+            | Event::StageWaiting
+            | Event::StageFinished(_) => return self.tell_stage(event),
             // Without a log nothing can fail.
-            Event::Begins(begins) => drop(self.begin(begins, None)),
-            Event::Train(_, event) => {
+            Event::TrainingStarted(begins) => drop(self.begin(begins, None)),
+            Event::Step { .. }
+            | Event::CurveSample(_)
+            | Event::Densified(..)
+            | Event::StepsReplanned(_)
+            | Event::WriteFailed(_)
+            | Event::SceneCopy(..) => {
                 if let Some(bar) = &mut self.bar {
                     return bar.tell(event);
                 }
             }
             Event::Exposure(evidence) => self.line(&exposure(evidence)),
             Event::Teacher(_) => {}
-            Event::Drew { done, all } => {
+            Event::PicturesDrawn { done, all } => {
                 let progress = self.drawing.get_or_insert_with(|| Progress::new(self.global));
                 progress.note(&format!("drawing soft pictures: {done} of {all}"));
             }
-            Event::Fits { limit, triangles } => {
+            Event::SizeLimit { limit, triangles } => {
                 let all = || "all triangles".to_owned();
                 let which =
                     triangles.map_or_else(all, |most| format!("{} triangles", thousands(most)));
@@ -83,7 +92,7 @@ impl<'a> Terminal<'a> {
     }
 
     /// Shows an event of a stage. Only a capture is stopped.
-    pub(super) fn tell_stage(&mut self, event: StageEvent<'_>) -> ControlFlow<()> {
+    pub(super) fn tell_stage(&mut self, event: Event<'_>) -> ControlFlow<()> {
         self.drawing = None;
         if !self.captures {
             self.bar = None;

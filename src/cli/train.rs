@@ -24,8 +24,8 @@ use trisplat_scene::{Error, ImportedScene, Result};
 use trisplat_teacher as teacher;
 use trisplat_train::budget::{Budget, BudgetDetails, Seconds};
 use trisplat_train::{
-    Checkpoint, ExposureDetails, PREVIEW_PREFIX, Preview, Quality, TrainEvent, TrainOptions,
-    TrainOutputs, TrainSample, Trained, checkpoint,
+    Checkpoint, ExposureDetails, PREVIEW_PREFIX, Preview, Quality, TrainOptions, TrainOutputs,
+    TrainSample, Trained, checkpoint,
 };
 
 /// Trains, with an optional observer; `matches` holds the typed flags. Returns the exit code of a
@@ -151,25 +151,23 @@ struct TrainTerminal<'a, 'b> {
 impl TrainTerminal<'_, '_> {
     fn tell(&mut self, event: Event<'_>) -> ControlFlow<()> {
         match event {
-            Event::Begins(begins) => {
+            Event::TrainingStarted(begins) => {
                 self.failed = self.begin(begins).err();
                 if self.failed.is_some() {
                     return ControlFlow::Break(());
                 }
             }
             Event::Teacher(teacher) => self.keep(teacher),
-            Event::Train(_, TrainEvent::Scene(sample, scene)) => {
+            Event::SceneCopy(sample, scene) => {
                 if let Some(watcher) = &mut self.watcher {
                     watcher.scene(sample, scene);
                 }
             }
-            Event::Train(part, TrainEvent::Step { sample, wants_scene }) => {
+            Event::Step { part, sample, wants_scene } => {
                 if let (TrainPart::Scene, Some(watcher)) = (part, &mut self.watcher) {
                     *wants_scene = watcher.wants_scene();
                 }
-                return self
-                    .terminal
-                    .tell(Event::Train(part, TrainEvent::Step { sample, wants_scene }));
+                return self.terminal.tell(Event::Step { part, sample, wants_scene });
             }
             event => return self.terminal.tell(event),
         }

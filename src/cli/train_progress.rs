@@ -10,9 +10,10 @@ use std::io::{BufWriter, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::ShrunkSize;
+use trisplat_job::Event;
 use trisplat_scene::{Error, Result};
 use trisplat_train::budget::Correction;
-use trisplat_train::{Densified, TrainEvent, TrainSample, Trained};
+use trisplat_train::{Densified, TrainSample, Trained};
 
 /// Shows PSNR, triangles and time left; writes the log; stops on Ctrl-C.
 pub struct Bar {
@@ -130,14 +131,14 @@ fn write_line(log: &mut dyn Write, sample: &TrainSample) -> std::io::Result<()> 
 
 impl Bar {
     /// Shows an event of the training; `Break` after a request to stop.
-    pub fn tell(&mut self, event: TrainEvent<'_>) -> ControlFlow<()> {
+    pub fn tell(&mut self, event: Event<'_>) -> ControlFlow<()> {
         match event {
-            TrainEvent::Step { sample, .. } => self.stepped(sample),
-            TrainEvent::Sampled(sample) => self.sampled(sample),
-            TrainEvent::Densified(step, densified) => self.densified(step, densified),
-            TrainEvent::Corrected(correction) => self.corrected(correction),
-            TrainEvent::Lost(error) => self.note_lost(error, "the training continues"),
-            TrainEvent::Scene(..) => {}
+            Event::Step { sample, .. } => self.stepped(sample),
+            Event::CurveSample(sample) => self.sampled(sample),
+            Event::Densified(step, densified) => self.densified(step, densified),
+            Event::StepsReplanned(correction) => self.corrected(correction),
+            Event::WriteFailed(error) => self.note_lost(error, "the training continues"),
+            _ => {}
         }
         if self.stop.as_ref().is_some_and(Listener::is_asked) {
             ControlFlow::Break(())

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_job::{EvalReport, SceneRenderer, StepScore};
+use trisplat_job::{EvalReport, RepresentationScore, SceneRenderer};
 use trisplat_scene::{image::RgbImage, math::metric};
 
 pub(super) fn sample(name: &str) -> PathBuf {
@@ -53,7 +53,7 @@ fn evaluated(file: &str, folder: &Path, name: &str, more: &[&str]) -> (EvalRepor
 
 /// Scores the written files once more, with our metrics and with a program that shares no code with
 /// ours.
-fn check_scores(step: &StepScore, renders: &Path) {
+fn check_scores(step: &RepresentationScore, renders: &Path) {
     let dataset = Dataset::load(sample("dataset"), &DatasetOptions::default()).unwrap();
     assert_eq!(step.images.len(), 5);
     let mut sum = [0.0; 3];
@@ -100,7 +100,7 @@ fn the_scores_are_those_of_the_files_written() {
     for step in [soft, solid] {
         let (alone, renders) = evaluated(&soup, folder.path(), &step.name, &["--as", &step.name]);
         assert_eq!(alone.steps.len(), 1);
-        let scores = |step: &StepScore| -> Vec<_> {
+        let scores = |step: &RepresentationScore| -> Vec<_> {
             step.images.iter().map(|image| (image.name.clone(), image.score)).collect()
         };
         assert_eq!(scores(&alone.steps[0]), scores(step));
@@ -212,7 +212,7 @@ fn a_file_is_drawn_like_the_scene_it_was_made_from() {
 }
 
 /// The same pictures judged by a program that shares no code with ours.
-fn independent(renders: &Path, photos: &Path, ours: &StepScore) {
+fn independent(renders: &Path, photos: &Path, ours: &RepresentationScore) {
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/metrics/compare.py");
     let json = renders.with_extension("compare.json");
     let mut python = Command::new("python3");

@@ -11,7 +11,7 @@ use std::path::Path;
 use std::process::Command;
 use trisplat::{BakeJob, BakeOptions, BakePreset, Dataset, DatasetOptions, TrainJob, TrainOptions};
 use trisplat_dataset::exposure::{ExposureEvidence, ExposureUse};
-use trisplat_job::{BakeDone, BakeInput, Event, TeacherSource, TrainDone, TrainPart};
+use trisplat_job::{BakeInput, Baked, Event, TeacherSource, TrainDone, TrainPart};
 use trisplat_scene::{Budget, Seconds, layered::Layers};
 use trisplat_train::Trained;
 
@@ -86,10 +86,12 @@ struct Trials {
 impl Trials {
     fn tell(&mut self, event: &Event<'_>) -> ControlFlow<()> {
         match event {
-            Event::Begins(begins) if begins.part == TrainPart::Trial => self.trainings += 1,
-            Event::Begins(_) => return ControlFlow::Break(()),
+            Event::TrainingStarted(begins) if begins.part == TrainPart::Trial => {
+                self.trainings += 1
+            }
+            Event::TrainingStarted(_) => return ControlFlow::Break(()),
             Event::Exposure(evidence) => self.said = Some(**evidence),
-            Event::Train(..) if self.stop => return ControlFlow::Break(()),
+            Event::Step { .. } if self.stop => return ControlFlow::Break(()),
             _ => {}
         }
         Continue(())
@@ -168,7 +170,7 @@ fn baked(folder: &Path, input: &Path, flags: &[&str]) -> Vec<u8> {
     read(folder, "program.glb")
 }
 
-fn library(folder: &Path, job: BakeJob) -> (Vec<u8>, BakeDone) {
+fn library(folder: &Path, job: BakeJob) -> (Vec<u8>, Baked) {
     let done = job.save(&folder.join("library.glb"), &mut |_| Continue(())).unwrap();
     (read(folder, "library.glb"), done)
 }

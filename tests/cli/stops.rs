@@ -32,7 +32,7 @@ struct Stopper {
 impl Stopper {
     fn tell(&mut self, event: &Event<'_>) -> ControlFlow<()> {
         match event {
-            Event::Begins(begins) if begins.part != TrainPart::Scene => self.training += 1,
+            Event::TrainingStarted(begins) if begins.part != TrainPart::Scene => self.training += 1,
             Event::Teacher(teacher) => self.teacher = Some(Trained::clone(teacher)),
             Event::Train(_, TrainEvent::Step { sample, .. })
                 if self.at.is_some_and(|(which, step)| {

@@ -1,19 +1,21 @@
 //! A bake job, from its inputs and options to files: photos, hardening, a limit on bytes, stages,
 //! report.
 
+use super::convenience::AnyScene;
 use super::event::{Observer, add, stages};
-use super::fitted::{BakeStart, fitted};
 use super::gaussians::{self, Effort};
 use super::harden::{self, Hardened};
+use super::size_limit::{self, BakeStart};
+use glam::Vec3;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use trisplat_bake::{BackgroundDetails, Bake, BakeOptions, TeacherWhen, Views, background, merge};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
-use trisplat_formats::Content;
-use trisplat_formats::output::{self, Output, OutputFiles};
+use trisplat_formats::output::{self, Output, OutputFiles, WriteDetails};
+use trisplat_formats::{Content, WrittenFiles, gltf};
 use trisplat_scene::report::Report;
-use trisplat_scene::{Asset, Error, ImportedScene, ImportedSplats, Result};
+use trisplat_scene::{Asset, Bounds, Error, Hit, ImportedScene, ImportedSplats, Result};
 
 /// An input of a bake.
 #[derive(Debug, Clone)]
@@ -21,13 +23,21 @@ pub enum BakeInput {
     /// A file, read when the job runs; "-" is standard input.
     File(PathBuf),
     /// A scene in memory.
-    Scene(Box<ImportedScene>),
+    Scene(Box<Content>),
 }
 
 impl BakeInput {
     /// A scene in memory.
-    pub fn scene(scene: impl Into<ImportedScene>) -> Self {
-        Self::Scene(Box::new(scene.into()))
+    pub fn scene(scene: impl Into<AnyScene>) -> Self {
+        Self::Scene(Box::new(scene.into().into()))
+    }
+
+    /// The file, for messages.
+    fn path(&self) -> &Path {
+        match self {
+            Self::File(path) => path,
+            Self::Scene(_) => Path::new("scene"),
+        }
     }
 }
 
@@ -69,7 +79,7 @@ pub struct BakeJob {
 }
 
 /// What the inputs hold.
-enum Inputs {
+enum BakeScenes {
     Scenes(Vec<ImportedScene>),
     Splats(Box<ImportedSplats>),
 }
@@ -78,17 +88,57 @@ enum Inputs {
 struct Scenes {
     scenes: Vec<ImportedScene>,
     views: Option<Views>,
-    /// The background that hardening has looked for.
+    /// Background of the object, if hardening has estimated it.
     background: Option<BackgroundDetails>,
 }
 
 /// A baked scene and its report.
 #[derive(Debug, Clone)]
-pub struct BakeDone {
+pub struct Baked {
     /// The asset that an engine draws.
     pub asset: Asset,
     /// Inputs, options, stages, files and warnings.
     pub report: Report,
+    options: BakeOptions,
+}
+
+impl Baked {
+    /// Writes the scene as the options of its bake say. The ending of `path` chooses the format;
+    /// existing files are replaced.
+    ///
+    /// # Errors
+    ///
+    /// An unknown ending; a tileset, which [`BakeJob::save`] writes; refusals of the operating
+    /// system.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<WrittenFiles> {
+        let path = path.as_ref();
+        if self.options.tiles.tiles {
+            let wants = "`BakeJob::save`, which writes tiles";
+            return Err(Error::invalid("output", path.display(), wants));
+        }
+        formats::write(&self.asset, path, &self.options.output)
+    }
+
+    /// The bytes of a GLB as the options of its bake say, without the files beside it.
+    ///
+    /// # Errors
+    ///
+    /// Nothing to draw, or more than a GLB holds.
+    pub fn to_glb(&self) -> Result<Vec<u8>> {
+        let encoding = self.options.output.encoding(&mut WriteDetails::default());
+        gltf::to_glb_bytes(&self.asset, &encoding)
+    }
+
+    /// The first face on a ray: see [`Asset::raycast`].
+    pub fn raycast(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
+        self.asset.raycast(origin, direction)
+    }
+
+    /// The box around the scene, without its backdrop.
+    pub fn bounds(&self) -> Bounds {
+        let faces = 0..self.asset.scene_faces();
+        Bounds::of(faces.flat_map(|face| self.asset.mesh.corners(face)))
+    }
 }
 
 impl BakeJob {
@@ -110,7 +160,7 @@ impl BakeJob {
     /// # Errors
     ///
     /// Unreadable inputs; errors of the bake; `max_bytes`, which only counts written files.
-    pub fn run(self, observer: Observer<'_>) -> Result<BakeDone> {
+    pub fn run(self, observer: Observer<'_>) -> Result<Baked> {
         match self.max_bytes {
             Some(bytes) => Err(Error::invalid("max_bytes", bytes, "files to write")),
             None => self.run_to(None, observer),
@@ -123,7 +173,7 @@ impl BakeJob {
     /// # Errors
     ///
     /// Those of [`BakeJob::run`], of the format and of the operating system.
-    pub fn save(mut self, path: &Path, observer: Observer<'_>) -> Result<BakeDone> {
+    pub fn save(mut self, path: &Path, observer: Observer<'_>) -> Result<Baked> {
         let output = self.options.plan_output(path, None)?;
         let files = output.start()?;
         self.write(&output, files, observer)
@@ -140,15 +190,11 @@ impl BakeJob {
         output: &Output,
         files: OutputFiles,
         observer: Observer<'_>,
-    ) -> Result<BakeDone> {
+    ) -> Result<Baked> {
         self.run_to(Some((output, files)), observer)
     }
 
-    fn run_to(
-        self,
-        to: Option<(&Output, OutputFiles)>,
-        observer: Observer<'_>,
-    ) -> Result<BakeDone> {
+    fn run_to(self, to: Option<(&Output, OutputFiles)>, observer: Observer<'_>) -> Result<Baked> {
         let began = self.began.unwrap_or_else(Instant::now);
         let mut report = Report::new("bake");
         report.inputs = self.names();
@@ -160,11 +206,18 @@ impl BakeJob {
         let asset = match (self.max_bytes, &to) {
             (Some(limit), Some((output, _))) => {
                 let start = BakeStart { scenes: &scenes, background: &background, report: &report };
-                let found = fitted(limit, start, views.as_mut(), &options, output, observer)?;
+                let sized = size_limit::search_triangle_count(
+                    limit,
+                    start,
+                    views.as_mut(),
+                    &options,
+                    output,
+                    observer,
+                )?;
                 drop(scenes);
-                options = found.options;
-                report = found.report;
-                found.asset
+                options = sized.options;
+                report = sized.report;
+                sized.asset
             }
             _ => {
                 let bake = Bake::new(&options).photos(views.as_mut()).report(&mut report);
@@ -183,7 +236,7 @@ impl BakeJob {
             )?;
         }
         report.seconds = began.elapsed().as_secs_f64();
-        Ok(BakeDone { asset, report })
+        Ok(Baked { asset, report, options })
     }
 
     /// The input files and the data set.
@@ -201,8 +254,8 @@ impl BakeJob {
         let how = &self.dataset_options;
         let views = self.photos.as_ref().map(|photos| Views::new(photos, how));
         let inputs = match self.read()? {
-            Inputs::Scenes(scenes) => scenes,
-            Inputs::Splats(splats) => return self.solid_of(*splats, views, report, observer),
+            BakeScenes::Scenes(scenes) => scenes,
+            BakeScenes::Splats(splats) => return self.solid_of(*splats, views, report, observer),
         };
         let Some(steps) = self.harden else {
             return Ok(Scenes { scenes: inputs, views, background: None });
@@ -255,15 +308,12 @@ impl BakeJob {
 
     /// The first file, for messages.
     fn path(&self) -> &Path {
-        match self.inputs.first() {
-            Some(BakeInput::File(path)) => path,
-            _ => Path::new("scene"),
-        }
+        self.inputs.first().map_or(Path::new("scene"), BakeInput::path)
     }
 
     /// Reads every input. Readers run one after the other, so that memory holds one file's spare
     /// buffers at a time.
-    fn read(&self) -> Result<Inputs> {
+    fn read(&self) -> Result<BakeScenes> {
         let is_stream =
             |input: &&BakeInput| matches!(input, BakeInput::File(p) if p.as_os_str() == "-");
         if self.inputs.iter().filter(is_stream).count() > 1 {
@@ -272,22 +322,22 @@ impl BakeJob {
         let options = self.dataset_options.read_options(self.sh_degree());
         let mut scenes = Vec::new();
         for input in &self.inputs {
-            scenes.push(match input {
-                BakeInput::Scene(scene) => ImportedScene::clone(scene),
-                BakeInput::File(path) => match formats::read_content(path, &options)? {
-                    Content::Scene(scene) => scene,
-                    Content::Splats(splats) if self.inputs.len() == 1 => {
-                        return Ok(Inputs::Splats(Box::new(splats)));
-                    }
-                    Content::Splats(_) => {
-                        let reason =
-                            "holds 3D Gaussians, which are baked alone: bake it to a .glb, then merge that";
-                        return Err(Error::unsupported(path, reason));
-                    }
-                },
-            });
+            let content = match input {
+                BakeInput::Scene(content) => Content::clone(content),
+                BakeInput::File(path) => formats::read_content(path, &options)?,
+            };
+            match content {
+                Content::Scene(scene) => scenes.push(scene),
+                Content::Splats(splats) if self.inputs.len() == 1 => {
+                    return Ok(BakeScenes::Splats(Box::new(splats)));
+                }
+                Content::Splats(_) => {
+                    let reason = "holds 3D Gaussians, which are baked alone: bake it to a .glb, then merge that";
+                    return Err(Error::unsupported(input.path(), reason));
+                }
+            }
         }
-        Ok(Inputs::Scenes(scenes))
+        Ok(BakeScenes::Scenes(scenes))
     }
 
     /// The SH degree to read: only the teacher draws more than degree 0.

@@ -1,9 +1,9 @@
 //! An evaluation job, from options to report: photos, forms of the scene, scores.
 
-use super::off_camera;
+use super::extrapolation;
 use super::renderer::RenderOptions;
-use super::scores::{self, EvalReport, ImageScore, ScoredPicture, StepScore};
-use super::steps::{self, EvalStep};
+use super::representations::{self, Representation};
+use super::scores::{self, EvalReport, ImageScore, RepresentationScore, ScoredPicture};
 use glam::UVec2;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -64,9 +64,9 @@ pub struct EvalJob {
     /// How the data set is read.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub dataset_options: DatasetOptions,
-    /// Also measure depth at tracked points, and what one sees beside the cameras.
+    /// Also measure depth at tracked points, and the coverage of views beside the cameras.
     #[cfg_attr(feature = "cli", arg(skip = true))]
-    pub off_camera: bool,
+    pub extrapolation: bool,
 }
 
 /// An evaluation with its scene in memory.
@@ -75,7 +75,7 @@ pub struct ReadyEval<'a> {
     job: EvalJob,
     dataset: &'a Dataset,
     views: Vec<&'a View>,
-    steps: Vec<EvalStep>,
+    steps: Vec<Representation>,
     /// Shares of the photos' exposures that were corrected in training.
     corrected: Strengths,
     warnings: Vec<String>,
@@ -90,7 +90,7 @@ impl EvalJob {
             split: Split::default(),
             backend: BackendOptions::default(),
             dataset_options: DatasetOptions::default(),
-            off_camera: true,
+            extrapolation: true,
         }
     }
 
@@ -111,24 +111,33 @@ impl EvalJob {
     ///
     /// A split without photos; an unreadable file; a mesh with a soft renderer; Gaussians with any.
     pub fn prepare(self, dataset: &Dataset) -> Result<ReadyEval<'_>> {
+        // A split without photos is said before a file is read.
+        self.split.some_of(dataset)?;
+        let content = formats::read_content(&self.file, &self.dataset_options.read_options(3))?;
+        self.prepare_content(content, dataset)
+    }
+
+    /// [`EvalJob::prepare`] with a scene in memory; the file is only a name for messages.
+    pub(super) fn prepare_content(
+        self,
+        content: Content,
+        dataset: &Dataset,
+    ) -> Result<ReadyEval<'_>> {
         let views = self.split.some_of(dataset)?;
         let background = self.dataset_options.background.to_f32();
         let mut corrected = Strengths::NONE;
-        let (read, steps) =
-            match formats::read_content(&self.file, &self.dataset_options.read_options(3))? {
-                Content::Scene(loaded) => {
-                    corrected = loaded.provenance.exposure.map_or(Strengths::NONE, Strengths::from);
-                    (
-                        loaded.warnings.clone(),
-                        steps::steps(&self.file, loaded, &self.render, dataset, background)?,
-                    )
-                }
-                Content::Splats(loaded) => (
-                    loaded.warnings.clone(),
-                    steps::steps_of_splats(loaded, &self.render, dataset, background)?,
-                ),
-            };
-        let mut warnings = [dataset.warnings.clone(), read].concat();
+        let mut warnings = dataset.warnings.clone();
+        let steps = match content {
+            Content::Scene(loaded) => {
+                corrected = loaded.provenance.exposure.map_or(Strengths::NONE, Strengths::from);
+                warnings.extend(loaded.warnings.iter().cloned());
+                representations::of_scene(&self.file, loaded, &self.render, dataset, background)?
+            }
+            Content::Splats(loaded) => {
+                warnings.extend(loaded.warnings.iter().cloned());
+                representations::of_splats(loaded, &self.render, dataset, background)?
+            }
+        };
         if views.iter().any(|view| view.photo.mask.is_some() && !view.photo.is_cut()) {
             warnings.push("masked pixels were left out of the scores".into());
         }
@@ -194,7 +203,7 @@ impl<'a> ReadyEval<'a> {
         &mut self,
         photo_bytes: u64,
         mut on_view: impl FnMut(usize, &[ScoredPicture]) -> Result<()>,
-    ) -> Result<Vec<StepScore>> {
+    ) -> Result<Vec<RepresentationScore>> {
         let views = &self.views;
         for step in &self.steps {
             views.iter().try_for_each(|view| {
@@ -226,16 +235,17 @@ impl<'a> ReadyEval<'a> {
             }
             images.iter_mut().zip(drawn).for_each(|(images, drawn)| images.push(drawn.score));
         }
-        let mut scores: Vec<StepScore> = Vec::with_capacity(self.steps.len());
+        let mut scores: Vec<RepresentationScore> = Vec::with_capacity(self.steps.len());
         for (((step, images), at_own), draw_secs) in
             self.steps.iter().zip(images).zip(at_own).zip(secs)
         {
             let mean = scores::mean(images.iter().map(|image| &image.score));
-            let surface = step.renderer.surface().filter(|_| self.job.off_camera);
-            scores.push(StepScore {
-                depth: surface.and_then(|(mesh, near)| off_camera::depth(mesh, near, self.dataset)),
+            let surface = step.renderer.surface().filter(|_| self.job.extrapolation);
+            scores.push(RepresentationScore {
+                depth: surface
+                    .and_then(|(mesh, near)| extrapolation::depth(mesh, near, self.dataset)),
                 beside: surface
-                    .and_then(|(mesh, near)| off_camera::beside(mesh, near, self.dataset)),
+                    .and_then(|(mesh, near)| extrapolation::beside(mesh, near, self.dataset)),
                 name: step.name.to_owned(),
                 triangles: step.triangles,
                 splats: step.renderer.splat_count(),
@@ -257,7 +267,9 @@ impl<'a> ReadyEval<'a> {
         let unknown = vec![None; self.views.len()];
         let has_points =
             compared_points(self.dataset).is_some() && self.views.iter().all(is_tracked);
-        if !self.job.off_camera || !has_points || self.views.iter().any(|view| view.photo.is_cut())
+        if !self.job.extrapolation
+            || !has_points
+            || self.views.iter().any(|view| view.photo.is_cut())
         {
             return Ok(unknown);
         }
@@ -285,7 +297,7 @@ fn psnr_at(picture: &RgbImage, own: [f32; 3], photo: &RgbImage) -> f64 {
     metric::psnr(&drawn.rgb, &photo.rgb, photo.alpha.as_deref())
 }
 
-impl EvalStep {
+impl Representation {
     /// Draws a view and measures it against its photo; objects over black and over white.
     fn measured(&mut self, view: &View, photo: &RgbImage) -> ScoredPicture {
         let mut draw = |background| self.renderer.color_over(&view.camera, background);

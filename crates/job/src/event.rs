@@ -1,16 +1,17 @@
-//! One stream of events for a program that shows a job and may stop it.
+//! The events of a job, for a program that shows it and may stop it.
 
 use std::ops::ControlFlow;
 use trisplat_dataset::Dataset;
 use trisplat_dataset::exposure::ExposureEvidence;
 use trisplat_scene::report::{Report, StageEvent, StageReport, counted};
-use trisplat_scene::{Error, Result};
-use trisplat_train::{TrainEvent, TrainSample, Trained};
+use trisplat_scene::{Error, ImportedScene, Result};
+use trisplat_train::budget::Correction;
+use trisplat_train::{Densified, TrainEvent, TrainSample, Trained};
 
 /// The part of a training that a step belongs to.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum TrainPart {
-    /// A short training on some of the photos; the others show how far exposures are corrected.
+    /// A short training on some of the photos; the others decide the correction of exposures.
     Trial,
     /// A soft scene whose pictures the scene is trained on too.
     Teacher,
@@ -32,56 +33,81 @@ pub enum MakePart {
     Subject,
 }
 
-/// A training that is about to begin. Only that of the scene has warnings, stages, a plan and a
-/// card.
+/// The start of a training. Only the training of the scene has warnings, stages, a plan and a card.
 #[derive(Debug, Clone, Default)]
 pub struct TrainBegins<'a> {
-    /// The part that it is.
+    /// Part of the training.
     pub part: TrainPart,
     /// Steps in all.
     pub steps: u64,
     /// Steps that were made before.
     pub done: u64,
-    /// What its budget was planned for, as said to people.
+    /// Plan of its budget, a sentence for people.
     pub plan: Option<String>,
-    /// The graphics card it is on.
+    /// Graphics card.
     pub card: Option<String>,
     /// Photos that are trained on or held out.
     pub photos: Option<&'a Dataset>,
     /// The curve before it was resumed.
     pub curve: &'a [TrainSample],
-    /// What came before it.
+    /// Earlier stages.
     pub stages: &'a [StageReport],
     /// Notes for the user.
     pub warnings: &'a [String],
 }
 
-/// What happens in a job.
+/// An event of a job.
 #[derive(Debug)]
 pub enum Event<'a> {
     /// A part of a [`MakeJob`](super::MakeJob) begins; `ControlFlow::Break` stops the job before
     /// it.
     Part(MakePart),
-    /// In a stage.
-    Stage(StageEvent<'a>),
+    /// A stage starts.
+    StageStarted(&'a str),
+    /// Progress of the running stage, a fraction from 0 to 1; only of stages that may take long.
+    StageProgress(f64),
+    /// Status text of the running stage.
+    StageNote(&'a str),
+    /// A chance to stop the running stage.
+    StageWaiting,
+    /// A stage ended.
+    StageFinished(&'a StageReport),
     /// A training begins; `ControlFlow::Break` stops the job before it, without a checkpoint.
-    Begins(&'a TrainBegins<'a>),
-    /// In a training.
-    Train(TrainPart, TrainEvent<'a>),
-    /// What photos showed that short trainings left out.
+    TrainingStarted(&'a TrainBegins<'a>),
+    /// A training made a step.
+    Step {
+        /// Part of the training.
+        part: TrainPart,
+        /// Loss and PSNR are means over the steps since the last sample with known figures; on a
+        /// graphics card the last two steps are not known yet.
+        sample: &'a TrainSample,
+        /// Set it to get [`Event::SceneCopy`] after this step.
+        wants_scene: &'a mut bool,
+    },
+    /// A sample of the training curve; its loss and PSNR are means since the last one.
+    CurveSample(&'a TrainSample),
+    /// The scene was densified after this step.
+    Densified(u64, &'a Densified),
+    /// The budget changed the planned number of steps.
+    StepsReplanned(&'a Correction),
+    /// A checkpoint or a preview could not be written; the training continues.
+    WriteFailed(&'a Error),
+    /// A copy of the scene after the step of the sample, as in its file.
+    SceneCopy(&'a TrainSample, Box<ImportedScene>),
+    /// The evidence of left-out photos for the correction of exposures.
     Exposure(&'a ExposureEvidence),
     /// The teacher is trained: time to write its file.
     Teacher(&'a Trained),
     /// Soft pictures are drawn.
-    Drew {
+    PicturesDrawn {
         /// Pictures drawn.
         done: usize,
         /// Pictures in all.
         all: usize,
     },
-    /// The scene is about to be baked with at most `triangles`, which are expected to fit `limit`
-    /// bytes; not at all of a bake without a limit.
-    Fits {
+    /// A bake with at most `triangles` begins, which are expected to fit `limit` bytes. Only emitted
+    /// when a byte limit is set.
+    SizeLimit {
         /// Bytes.
         limit: u64,
         /// `None`: all.
@@ -89,11 +115,37 @@ pub enum Event<'a> {
     },
 }
 
-/// Is told what happens; `ControlFlow::Break` asks the job to stop: a training after its step,
+impl<'a> From<StageEvent<'a>> for Event<'a> {
+    fn from(event: StageEvent<'a>) -> Self {
+        match event {
+            StageEvent::Started(name) => Self::StageStarted(name),
+            StageEvent::Progressed(fraction) => Self::StageProgress(fraction),
+            StageEvent::Noted(text) => Self::StageNote(text),
+            StageEvent::Waiting => Self::StageWaiting,
+            StageEvent::Finished(stage) => Self::StageFinished(stage),
+        }
+    }
+}
+
+impl<'a> Event<'a> {
+    /// An event of the training of `part`.
+    pub fn of_training(part: TrainPart, event: TrainEvent<'a>) -> Self {
+        match event {
+            TrainEvent::Step { sample, wants_scene } => Self::Step { part, sample, wants_scene },
+            TrainEvent::Sampled(sample) => Self::CurveSample(sample),
+            TrainEvent::Densified(step, densified) => Self::Densified(step, densified),
+            TrainEvent::Corrected(correction) => Self::StepsReplanned(correction),
+            TrainEvent::Lost(error) => Self::WriteFailed(error),
+            TrainEvent::Scene(sample, scene) => Self::SceneCopy(sample, scene),
+        }
+    }
+}
+
+/// Receives events; `ControlFlow::Break` asks the job to stop: a training after its step,
 /// everything else before its next stage.
 pub type Observer<'a> = &'a mut dyn FnMut(Event<'_>) -> ControlFlow<()>;
 
-/// Tells that a training begins; returns the observer of its steps.
+/// Announces a training; returns the observer of its steps.
 ///
 /// # Errors
 ///
@@ -103,9 +155,9 @@ pub(super) fn begin<'a>(
     begins: &TrainBegins<'_>,
 ) -> Result<impl FnMut(TrainEvent<'_>) -> ControlFlow<()> + use<'a>> {
     let part = begins.part;
-    match observer(Event::Begins(begins)) {
+    match observer(Event::TrainingStarted(begins)) {
         ControlFlow::Continue(()) => {
-            Ok(move |event: TrainEvent<'_>| observer(Event::Train(part, event)))
+            Ok(move |event: TrainEvent<'_>| observer(Event::of_training(part, event)))
         }
         ControlFlow::Break(()) => {
             let what = "stopped before a training began; nothing was written".to_owned();
@@ -114,26 +166,26 @@ pub(super) fn begin<'a>(
     }
 }
 
-/// Adds a stage to `report`, and tells of its end.
+/// Adds a stage to `report` and announces its end.
 pub(super) fn add(stage: StageReport, report: &mut Report, observer: Observer<'_>) {
-    // The next stage asks whether to go on.
-    let _ = observer(Event::Stage(StageEvent::Finished(&stage)));
+    // A `Break` is obeyed at the next stage.
+    let _ = observer(Event::StageFinished(&stage));
     report.stages.push(stage);
 }
 
 /// The observer of stages.
 pub(super) fn stages(observer: Observer<'_>) -> impl FnMut(StageEvent<'_>) -> ControlFlow<()> {
-    |event| observer(Event::Stage(event))
+    |event| observer(event.into())
 }
 
 /// The observer of drawings. No drawing is stopped: the training after it is.
 pub(super) fn on_drawn(observer: Observer<'_>) -> impl FnMut(usize, usize) {
     |done, all| {
-        let _ = observer(Event::Drew { done, all });
+        let _ = observer(Event::PicturesDrawn { done, all });
     }
 }
 
-/// The error of a run that was stopped in `what`, a training that it needs.
+/// The error of a run that was stopped in `what`, one of its trainings.
 pub(super) fn stopped(what: &str, training: &Trained) -> Error {
     let steps = counted(training.options.steps, "step");
     let place = format!("stopped in {what}, after {} of {steps}", training.steps);

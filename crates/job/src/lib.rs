@@ -8,36 +8,36 @@
 //! In: a request and options in layers. Out: a finished run with its report.
 
 mod baking;
+mod convenience;
 mod evaluate;
 mod event;
 mod exposure;
-mod fitted;
+mod extrapolation;
 mod gaussians;
 mod harden;
 mod inputs;
 mod making;
 mod meshing;
-mod off_camera;
 mod photo_check;
-mod plain;
 mod renderer;
 mod rendering;
+mod representations;
 mod scores;
-mod steps;
+mod size_limit;
 mod teacher;
 mod training;
 
-pub use baking::{BakeDone, BakeInput, BakeJob};
+pub use baking::{BakeInput, BakeJob, Baked};
+pub use convenience::{AnyScene, Renderer, bake, read, read_bytes, score, write};
 pub use evaluate::{EvalJob, ReadyEval};
 pub use event::{Event, MakePart, Observer, TrainBegins, TrainPart};
+pub use extrapolation::{CoverageScores, DepthScores};
 pub use harden::{HARDEN_STEPS, MAX_TEACHER_SHARE};
 pub use inputs::{describe, files_of};
 pub use making::{MakeDone, MakeJob};
 pub use meshing::MeshJob;
-pub use off_camera::{BesideScores, DepthScores};
-pub use plain::{Baked, Renderer, bake, read, read_bytes, score};
-pub use renderer::{BakedScene, RenderOptions, SceneRenderer};
+pub use renderer::{BakedScene, RenderMode, RenderOptions, SceneRenderer};
 pub use rendering::{PictureKind, ReadyRender, RenderJob, WIDTH};
-pub use scores::{EvalReport, ScoredPicture, Scores, StepScore};
+pub use scores::{EvalReport, ImageScore, RepresentationScore, ScoredPicture, Scores};
 pub use teacher::{TEACHER_FILE, TeacherPlan, TeacherSource};
 pub use training::{TrainDone, TrainJob, reading, train};

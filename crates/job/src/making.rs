@@ -5,7 +5,7 @@ use super::baking::{BakeInput, BakeJob};
 use super::evaluate::EvalJob;
 use super::event::{Event, MakePart, Observer, add, stages};
 use super::photo_check::check_photos;
-use super::scores::{ShownTwice, StepScore};
+use super::scores::{RepresentationScore, ShownTwice};
 use super::training::{TrainJob, reading};
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
@@ -84,7 +84,7 @@ pub struct MakeDone {
     pub verdict: Option<VerdictDetails>,
     /// How close the file comes to photos that training did not see; `None` where it is not the
     /// whole scene, and of files that are not read back.
-    pub score: Option<StepScore>,
+    pub score: Option<RepresentationScore>,
     /// PSNR of these photos where at least two that training saw look, dB, by name; empty without a
     /// score.
     pub judged: Vec<(String, f64)>,
@@ -367,7 +367,7 @@ impl MakeJob {
         &self,
         photos: &Dataset,
         judged: &mut Vec<(String, f64)>,
-    ) -> Result<Option<StepScore>> {
+    ) -> Result<Option<RepresentationScore>> {
         let is_read = matches!(
             OutputFormat::of(&self.output),
             Ok(OutputFormat::Glb | OutputFormat::Gltf | OutputFormat::Obj | OutputFormat::Ply)
@@ -380,7 +380,7 @@ impl MakeJob {
         }
         let mut job = EvalJob::new(&self.output);
         job.dataset_options = self.dataset_options.clone();
-        job.off_camera = false;
+        job.extrapolation = false;
         let ready = job.prepare(photos)?;
         let bytes = self.dataset_options.photo_bytes();
         let twice = |surface| ShownTwice::new(surface, photos, ready.views(), bytes);
@@ -395,7 +395,7 @@ impl MakeJob {
     }
 
     /// Notes the score for the next run; returns that of an earlier one with less effort.
-    fn remember(&self, score: Option<&StepScore>) -> Result<Option<f64>> {
+    fn remember(&self, score: Option<&RepresentationScore>) -> Result<Option<f64>> {
         let notes = self.work.join(NOTES);
         let Some(before) = stored(&notes) else { return Ok(None) };
         let earlier = before.earlier;

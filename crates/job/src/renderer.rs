@@ -60,20 +60,23 @@ fn samples(text: &str) -> std::result::Result<u32, String> {
     }
 }
 
-/// Draws one scene for many cameras.
+/// Draws one scene for many cameras, on the CPU or on a graphics card.
 #[derive(Debug)]
-pub enum SceneRenderer {
-    /// A soup, in training space.
-    Soft(Box<SoftScene>),
-    /// A mesh, in the cameras' world.
-    Solid(Box<SolidScene>),
-    /// Gaussian splats, in the frame of their file.
-    Splats(Box<SplatsScene>),
+pub struct SceneRenderer {
+    backend: RenderBackend,
 }
 
-/// A soup and its renderer.
+/// Kind of the scene, and its rasteriser.
 #[derive(Debug)]
-pub struct SoftScene {
+enum RenderBackend {
+    Soft(Box<SoftBackend>),
+    Solid(Box<SolidBackend>),
+    Splats(Box<SplatsBackend>),
+}
+
+/// A soup, in training space.
+#[derive(Debug)]
+struct SoftBackend {
     soup: Soup,
     space: SceneNormalization,
     options: SoftOptions,
@@ -83,28 +86,32 @@ pub struct SoftScene {
     card: Option<CardScene>,
 }
 
-/// A mesh and its renderer.
+/// A mesh, in the cameras' world.
 #[derive(Debug)]
-pub struct SolidScene {
+struct SolidBackend {
     mesh: Mesh,
     options: SolidRasterOptions,
     solid: SolidRasterizer,
     frame: Frame,
 }
 
-/// Gaussian splats, and how they are drawn.
+/// Gaussian splats, in the frame of their file.
 #[derive(Debug)]
-pub struct SplatsScene {
+struct SplatsBackend {
     splats: Splats,
     options: GaussianOptions,
-    /// Of the file, and the origin of the data set, when the cameras are in its world.
-    placed: Option<(Placement, DVec3)>,
+    /// Placement of the file and origin of the data set, when the cameras are in its world.
+    world: Option<(Placement, DVec3)>,
 }
 
 /// Depth of the near plane in units of training space: that of the soft rasteriser.
 pub(super) const NEAR: f32 = 0.01;
 
 impl SceneRenderer {
+    fn of(backend: RenderBackend) -> Self {
+        Self { backend }
+    }
+
     /// A renderer of a soup for cameras of `dataset`; `placement` is that of the soup's file.
     /// Without a data set the cameras are in the file's coordinates.
     pub fn soft(
@@ -123,14 +130,14 @@ impl SceneRenderer {
         space.soup_to_training(&mut soup);
         let options = SoftOptions { background, near: NEAR, ..SoftOptions::default() };
         let options = options.with_cap_for(&soup.opacity);
-        Self::Soft(Box::new(SoftScene {
+        Self::of(RenderBackend::Soft(Box::new(SoftBackend {
             soup,
             space,
             options,
             soft: SoftRasterizer::new(),
             #[cfg(feature = "gpu")]
             card: None,
-        }))
+        })))
     }
 
     /// Lets a graphics card draw the colours of a soup from now on, if one is used. Returns the
@@ -140,9 +147,9 @@ impl SceneRenderer {
     ///
     /// `gpu` without a matching card, or with one that cannot draw.
     pub fn draw_on(&mut self, place: &BackendOptions) -> Result<(Option<String>, Vec<String>)> {
-        match self {
-            Self::Soft(scene) => scene.draw_on(place),
-            Self::Solid(_) | Self::Splats(_) => Ok((None, Vec::new())),
+        match &mut self.backend {
+            RenderBackend::Soft(scene) => scene.draw_on(place),
+            RenderBackend::Solid(_) | RenderBackend::Splats(_) => Ok((None, Vec::new())),
         }
     }
 
@@ -163,12 +170,12 @@ impl SceneRenderer {
             None => space_around(&mesh.positions),
         };
         let options = SolidRasterOptions { background, samples, near: NEAR / space.scale };
-        Self::Solid(Box::new(SolidScene {
+        Self::of(RenderBackend::Solid(Box::new(SolidBackend {
             mesh,
             options,
             solid: SolidRasterizer::new(),
             frame: Frame::default(),
-        }))
+        })))
     }
 
     /// A renderer of Gaussian splats, whose shape no cameras change; the rest as for
@@ -180,41 +187,41 @@ impl SceneRenderer {
         background: [f32; 3],
     ) -> Self {
         let options = GaussianOptions::suited_to(&splats, background);
-        let placed = dataset.map(|dataset| (*placement, dataset.origin));
-        Self::Splats(Box::new(SplatsScene { splats, options, placed }))
+        let world = dataset.map(|dataset| (*placement, dataset.origin));
+        Self::of(RenderBackend::Splats(Box::new(SplatsBackend { splats, options, world })))
     }
 
     /// Number of Gaussians; `None` of triangles.
     pub(super) fn splat_count(&self) -> Option<u64> {
-        match self {
-            Self::Splats(scene) => Some(scene.splats.len() as u64),
-            Self::Soft(_) | Self::Solid(_) => None,
+        match &self.backend {
+            RenderBackend::Splats(scene) => Some(scene.splats.len() as u64),
+            RenderBackend::Soft(_) | RenderBackend::Solid(_) => None,
         }
     }
 
     /// The mesh of a solid scene in the cameras' frame, and its near plane.
     pub(super) fn surface(&self) -> Option<(&Mesh, f32)> {
-        match self {
-            Self::Solid(scene) => Some((&scene.mesh, scene.options.near)),
-            Self::Soft(_) | Self::Splats(_) => None,
+        match &self.backend {
+            RenderBackend::Solid(scene) => Some((&scene.mesh, scene.options.near)),
+            RenderBackend::Soft(_) | RenderBackend::Splats(_) => None,
         }
     }
 
     /// Checks that a picture of `size` can be drawn and is within `limits`.
     pub fn validate(&self, size: UVec2, limits: &Limits) -> Result<()> {
         limits.camera("camera", size)?;
-        match self {
-            Self::Soft(_) | Self::Splats(_) => Ok(()),
-            Self::Solid(scene) => scene.options.validate(size),
+        match &self.backend {
+            RenderBackend::Soft(_) | RenderBackend::Splats(_) => Ok(()),
+            RenderBackend::Solid(scene) => scene.options.validate(size),
         }
     }
 
     /// What the camera sees.
     pub fn color(&mut self, camera: &Camera) -> RgbImage {
-        match self {
-            Self::Soft(scene) => scene.color(camera),
-            Self::Solid(scene) => scene.solid.render(&scene.mesh, camera, &scene.options),
-            Self::Splats(scene) => scene.draw(camera).to_pixels(),
+        match &mut self.backend {
+            RenderBackend::Soft(scene) => scene.color(camera),
+            RenderBackend::Solid(scene) => scene.solid.render(&scene.mesh, camera, &scene.options),
+            RenderBackend::Splats(scene) => scene.draw(camera).to_pixels(),
         }
     }
 
@@ -229,10 +236,16 @@ impl SceneRenderer {
 
     /// Draws over `background` from now on; returns the one before.
     fn set_background(&mut self, background: [f32; 3]) -> [f32; 3] {
-        match self {
-            Self::Soft(scene) => std::mem::replace(&mut scene.options.background, background),
-            Self::Solid(scene) => std::mem::replace(&mut scene.options.background, background),
-            Self::Splats(scene) => std::mem::replace(&mut scene.options.background, background),
+        match &mut self.backend {
+            RenderBackend::Soft(scene) => {
+                std::mem::replace(&mut scene.options.background, background)
+            }
+            RenderBackend::Solid(scene) => {
+                std::mem::replace(&mut scene.options.background, background)
+            }
+            RenderBackend::Splats(scene) => {
+                std::mem::replace(&mut scene.options.background, background)
+            }
         }
     }
 
@@ -248,7 +261,7 @@ impl SceneRenderer {
 
     /// The edges of what is seen; see [`show::wires`]. Fails for soups and Gaussians.
     pub fn wires(&mut self, camera: &Camera) -> Result<RgbImage> {
-        let Self::Solid(scene) = self else {
+        let RenderBackend::Solid(scene) = &mut self.backend else {
             return Err(Error::invalid(
                 "show",
                 "wires",
@@ -259,10 +272,10 @@ impl SceneRenderer {
     }
 
     fn geometry(&mut self, camera: &Camera) -> Result<&Frame> {
-        match self {
-            Self::Soft(scene) => Ok(scene.draw(camera, true)),
-            Self::Solid(scene) => Ok(scene.geometry(camera)),
-            Self::Splats(_) => Err(Self::no_surface()),
+        match &mut self.backend {
+            RenderBackend::Soft(scene) => Ok(scene.draw(camera, true)),
+            RenderBackend::Solid(scene) => Ok(scene.geometry(camera)),
+            RenderBackend::Splats(_) => Err(Self::no_surface()),
         }
     }
 
@@ -273,9 +286,9 @@ impl SceneRenderer {
     }
 }
 
-impl SplatsScene {
+impl SplatsBackend {
     fn draw(&self, camera: &Camera) -> Frame {
-        let camera = match &self.placed {
+        let camera = match &self.world {
             Some((placement, origin)) => frames::to_file(camera, placement, *origin),
             None => *camera,
         };
@@ -284,7 +297,7 @@ impl SplatsScene {
 }
 
 #[cfg(not(feature = "gpu"))]
-impl SoftScene {
+impl SoftBackend {
     fn draw_on(&mut self, place: &BackendOptions) -> Result<(Option<String>, Vec<String>)> {
         place.check().map(|()| (None, Vec::new()))
     }
@@ -295,7 +308,7 @@ impl SoftScene {
 }
 
 #[cfg(feature = "gpu")]
-impl SoftScene {
+impl SoftBackend {
     fn draw_on(&mut self, place: &BackendOptions) -> Result<(Option<String>, Vec<String>)> {
         let (card, warnings) = place.with_card(|gpu| CardScene::new(gpu, &self.soup))?;
         self.card = card;
@@ -316,7 +329,7 @@ impl SoftScene {
     }
 }
 
-impl SoftScene {
+impl SoftBackend {
     fn draw(&mut self, camera: &Camera, geometry: bool) -> &Frame {
         let camera = self.space.camera_to_training(camera);
         self.options.geometry = geometry;
@@ -324,7 +337,7 @@ impl SoftScene {
     }
 }
 
-impl SolidScene {
+impl SolidBackend {
     /// Depth and normals at the centres of pixels; no colours.
     fn geometry(&mut self, camera: &Camera) -> &Frame {
         let options = SolidRasterOptions { samples: 1, ..self.options };

@@ -1,7 +1,7 @@
 //! A render job: cameras, renderer, pictures.
 
 use super::renderer::{RenderMode, RenderOptions, SceneRenderer};
-use super::steps;
+use super::representations;
 use glam::{DVec3, UVec2, Vec3};
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions, Split};
@@ -143,7 +143,7 @@ impl RenderJob {
         mut loaded: ImportedSplats,
         dataset: Option<&Dataset>,
     ) -> Result<ReadyRender> {
-        steps::check_splats(&self.render)?;
+        representations::check_splats(&self.render)?;
         if self.show != PictureKind::Color {
             return Err(SceneRenderer::no_surface());
         }
@@ -246,9 +246,9 @@ pub enum PictureKind {
 /// Reads the scene; bakes a soup for a solid renderer.
 fn solid_if_asked(job: &RenderJob, loaded: ImportedScene) -> Result<ImportedScene> {
     match (&loaded.scene, job.render.mode) {
-        (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(steps::no_soup(&job.file)),
+        (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(representations::no_soup(&job.file)),
         (Scene::Soup(_), Some(RenderMode::Solid)) => {
-            let asset = steps::baked(loaded)?;
+            let asset = representations::baked(loaded)?;
             Ok(ImportedScene {
                 scene: Scene::Mesh(asset.mesh),
                 provenance: asset.provenance,

@@ -1,7 +1,7 @@
 //! Scores of pictures against photos: PSNR, SSIM and FLIP. PSNR and SSIM are given twice: for the
 //! drawing itself, and after the affine map of its colours that fits the photo best.
 
-use super::off_camera::{BesideScores, DepthScores};
+use super::extrapolation::{CoverageScores, DepthScores};
 use glam::Vec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -34,14 +34,14 @@ pub struct EvalReport {
     pub photo_size: Option<ShrunkSize>,
     /// The scores at each step from scene to file, in order. A mesh has one, "solid", and Gaussians
     /// "splats".
-    pub steps: Vec<StepScore>,
+    pub steps: Vec<RepresentationScore>,
     /// Notes for the user, one sentence each.
     pub warnings: Vec<String>,
 }
 
 /// The scores of a scene at one step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct StepScore {
+pub struct RepresentationScore {
     /// "soft": the soup as trained. "solid": the scene, or the given mesh, as an engine draws it.
     /// "file": the same, written quantised and compressed, and read back. "splats": Gaussians as
     /// their trainers draw them.
@@ -64,7 +64,7 @@ pub struct StepScore {
     pub depth: Option<DepthScores>,
     /// What one sees beside the cameras; absent without a solid surface.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub beside: Option<BesideScores>,
+    pub beside: Option<CoverageScores>,
     /// Mean PSNR of drawings that are brought to the estimated exposure and white balance of each
     /// photo, dB: an estimate from tracked points, never fitted to the picture. Absent where a
     /// photo has none.

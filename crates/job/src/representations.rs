@@ -16,7 +16,7 @@ use trisplat_scene::{Asset, Error, ImportedScene, ImportedSplats, Result, Scene,
 
 /// A scene at one step from soup to file.
 #[derive(Debug)]
-pub(super) struct EvalStep {
+pub(super) struct Representation {
     /// "soft", "solid", "file" or "splats".
     pub name: &'static str,
     /// Number of triangles.
@@ -29,15 +29,15 @@ pub(super) struct EvalStep {
 
 /// The steps of the scene of `path`. A mesh has one, solid; a soup has those of `options`, by
 /// default all three.
-pub(super) fn steps(
+pub(super) fn of_scene(
     path: &Path,
     loaded: ImportedScene,
     options: &RenderOptions,
     dataset: &Dataset,
     background: [f32; 3],
-) -> Result<Vec<EvalStep>> {
+) -> Result<Vec<Representation>> {
     let ImportedScene { scene, provenance, cameras, .. } = loaded;
-    let soft = |soup: Soup| EvalStep {
+    let soft = |soup: Soup| Representation {
         name: "soft",
         triangles: soup.len() as u64,
         bytes: None,
@@ -49,7 +49,7 @@ pub(super) fn steps(
         let triangles = mesh.face_count() as u64;
         let renderer =
             SceneRenderer::solid(mesh, &placement, Some(dataset), background, options.ssaa);
-        EvalStep { name, triangles, bytes, renderer }
+        Representation { name, triangles, bytes, renderer }
     };
     let baked = |soup: Soup| {
         baked(ImportedScene {
@@ -81,16 +81,16 @@ pub(super) fn steps(
 /// # Errors
 ///
 /// A mode of drawing triangles.
-pub(super) fn steps_of_splats(
+pub(super) fn of_splats(
     loaded: ImportedSplats,
     options: &RenderOptions,
     dataset: &Dataset,
     background: [f32; 3],
-) -> Result<Vec<EvalStep>> {
+) -> Result<Vec<Representation>> {
     check_splats(options)?;
     let placement = loaded.provenance.placement;
     let renderer = SceneRenderer::splats(loaded.splats, &placement, Some(dataset), background);
-    Ok(vec![EvalStep { name: "splats", triangles: 0, bytes: None, renderer }])
+    Ok(vec![Representation { name: "splats", triangles: 0, bytes: None, renderer }])
 }
 
 /// Refuses modes that only triangles have.

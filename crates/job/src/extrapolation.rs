@@ -45,7 +45,7 @@ pub struct DepthScores {
 /// Pixels of views that look as the training cameras do, from up to 0.4 of their median depth
 /// beside them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct BesideScores {
+pub struct CoverageScores {
     /// Share with a triangle that fills over 0.2% of the view, and over 16 times more of it than of
     /// any photo.
     pub unsupported: f64,
@@ -98,7 +98,7 @@ fn plane_depth(mesh: &Mesh, face: u32, camera: &Camera, point: Vec3) -> f32 {
 
 /// What views beside the training cameras show of `mesh`, in the data set's frame; `None` without
 /// one.
-pub(super) fn beside(mesh: &Mesh, near: f32, dataset: &Dataset) -> Option<BesideScores> {
+pub(super) fn beside(mesh: &Mesh, near: f32, dataset: &Dataset) -> Option<CoverageScores> {
     let cameras: Vec<Camera> = dataset.train().map(|view: &View| view.camera).collect();
     let options = options(near);
     let mut solid = SolidRasterizer::new();
@@ -135,7 +135,7 @@ pub(super) fn beside(mesh: &Mesh, near: f32, dataset: &Dataset) -> Option<Beside
             shares.iter().zip(&best).filter(lacks).map(|(share, _)| f64::from(*share)).sum::<f64>();
         empty += f64::from(nothing);
     }
-    Some(BesideScores { unsupported: unsupported / VIEWS as f64, empty: empty / VIEWS as f64 })
+    Some(CoverageScores { unsupported: unsupported / VIEWS as f64, empty: empty / VIEWS as f64 })
 }
 
 /// The share of samples that each face fills, in `shares`; returns that of none.

@@ -19,43 +19,43 @@ const MAX_BAKES: u32 = 6;
 /// The target size, as a share of the limit: a little less, because a scene that is too large is
 /// discarded.
 const AIM: f64 = 0.985;
-/// Minimum share of the limit that is good enough at once, and ...
+/// Minimum share of the limit that is good enough after the first bake.
 const NEAR: f64 = 0.95;
-/// ... after the second bake.
+/// Minimum share of the limit that is good enough from the second bake on.
 const CLOSE: f64 = 0.9;
 
 /// A bake, its options and its report so far.
-pub(super) struct Fitted {
+pub(super) struct SizedBake {
     pub(super) asset: Asset,
     pub(super) options: BakeOptions,
     pub(super) report: Report,
 }
 
-/// The inputs of every bake.
+/// Inputs of every bake of the search.
 #[derive(Clone, Copy)]
 pub(super) struct BakeStart<'a> {
     pub(super) scenes: &'a [ImportedScene],
-    /// The background, if it was looked for.
+    /// Background of the object, if it is estimated already.
     pub(super) background: &'a Option<BackgroundDetails>,
     /// The report so far.
     pub(super) report: &'a Report,
 }
 
-/// The bake with the most triangles whose files, all of `output` together, take at most `limit`
-/// bytes. The bytes of real files are counted: first of the scene without anything that pictures
-/// decide, then of the bake itself, which may be made again.
+/// Search the bake with the most triangles whose files, all of `output` together, take at most `limit`
+/// bytes. The bytes of real files are counted: first of a scene baked without pictures, then of the
+/// bake itself, which may be repeated.
 ///
 /// # Errors
 ///
-/// Those of a bake and of writing; a limit that not even one triangle meets.
-pub(super) fn fitted(
+/// Errors of a bake and of writing; a limit that not even one triangle meets.
+pub(super) fn search_triangle_count(
     limit: u64,
     start: BakeStart<'_>,
     mut views: Option<&mut Views>,
     options: &BakeOptions,
     output: &Output,
     observer: Observer<'_>,
-) -> Result<Fitted> {
+) -> Result<SizedBake> {
     let with = |options: &BakeOptions, max_triangles: Option<u64>| {
         let mut options = options.clone();
         options.prune.max_triangles = max_triangles;
@@ -68,105 +68,115 @@ pub(super) fn fitted(
         })?;
         Ok(unread.outputs.iter().map(|file| file.bytes).sum())
     };
-    let plain = plain(options);
-    let sightless = sightless(start.scenes, options);
-    let trial = |most: Option<u64>| {
-        let options = with(&plain, most);
-        let asset = Bake::new(&options).run(sightless.iter().cloned())?;
+    let probe_options = size_probe_options(options);
+    let probe_scenes = without_cameras(start.scenes, options);
+    let trial = |count: Option<u64>| {
+        let options = with(&probe_options, count);
+        let asset = Bake::new(&options).run(probe_scenes.iter().cloned())?;
         Ok((asset.counts().triangles, bytes(&asset, &options)?))
     };
-    let make = |most: Option<u64>| -> Result<(u64, Fitted)> {
-        let options = with(options, most);
+    let make = |count: Option<u64>| -> Result<(u64, SizedBake)> {
+        let options = with(options, count);
         let mut report = start.report.clone();
-        let _ = observer(Event::Fits { limit, triangles: most });
+        let _ = observer(Event::SizeLimit { limit, triangles: count });
         let bake = Bake::new(&options).photos(views.as_deref_mut()).report(&mut report);
         let bake = bake.background(start.background.clone());
         let asset = bake.observer(&mut stages(observer)).run(start.scenes.iter().cloned())?;
-        Ok((bytes(&asset, &options)?, Fitted { asset, options, report }))
+        Ok((bytes(&asset, &options)?, SizedBake { asset, options, report }))
     };
-    most_within(limit, options.prune.max_triangles, trial, make)
+    largest_within(limit, options.prune.max_triangles, trial, make)
 }
 
-/// The scene with most triangles, at most `max_triangles`, whose files take at most `limit` bytes.
-/// `trial` returns the triangles and bytes of a similar scene, `make` the bytes of the scene
-/// itself, of at most the given number of triangles.
+/// A scene and the size of its files.
+struct SizedScene<T> {
+    bytes: u64,
+    scene: T,
+}
+
+/// Search the scene with most triangles, at most `max_triangles`, whose files take at most `limit`
+/// bytes. `trial` returns the triangles and bytes of a similar scene, `make` the bytes of the scene
+/// itself, of at most the number of triangles in its argument.
 ///
 /// # Errors
 ///
-/// Those of both; a limit that not even one triangle fits.
-fn most_within<T>(
+/// Errors of both; a limit that not even one triangle fits.
+fn largest_within<T>(
     limit: u64,
     max_triangles: Option<u64>,
     mut trial: impl FnMut(Option<u64>) -> Result<(u64, u64)>,
     mut make: impl FnMut(Option<u64>) -> Result<(u64, T)>,
 ) -> Result<T> {
-    let too_few = |least: f64| {
-        Error::invalid(
-            "max_bytes",
-            limit,
-            format!("{} or more, for a single triangle", least.ceil()),
-        )
+    let too_small = |min_bytes: f64| {
+        let wants = format!("{} or more, for a single triangle", min_bytes.ceil());
+        Error::invalid("max_bytes", limit, wants)
     };
     let aim = AIM * limit as f64;
-    let (all, whole) = trial(max_triangles)?;
-    // A point on the line of bytes by triangles.
-    let mut from = (0.0, 0.0);
-    let mut most = max_triangles;
-    if whole > limit {
-        let few = ((aim / whole as f64 * all as f64) as u64).max(1);
-        let (_, part) = trial(Some(few))?;
-        let each = (whole as f64 - part as f64) / all.saturating_sub(few).max(1) as f64;
-        from.1 = (part as f64 - each * few as f64).max(0.0);
-        if from.1 + each > limit as f64 || each <= 0.0 {
-            return Err(too_few(from.1 + each));
+    let (all, all_bytes) = trial(max_triangles)?;
+    // The last point on the line of bytes by triangles.
+    let mut before = (0.0, 0.0);
+    let mut count = max_triangles;
+    if all_bytes > limit {
+        let part = ((aim / all_bytes as f64 * all as f64) as u64).max(1);
+        let (_, part_bytes) = trial(Some(part))?;
+        let per_triangle =
+            (all_bytes as f64 - part_bytes as f64) / all.saturating_sub(part).max(1) as f64;
+        before.1 = (part_bytes as f64 - per_triangle * part as f64).max(0.0);
+        if before.1 + per_triangle > limit as f64 || per_triangle <= 0.0 {
+            return Err(too_small(before.1 + per_triangle));
         }
-        most = Some((((aim - from.1) / each) as u64).clamp(1, all));
+        count = Some((((aim - before.1) / per_triangle) as u64).clamp(1, all));
     }
-    let (mut best, mut least): (Option<(u64, T)>, f64) = (None, f64::INFINITY);
-    for made in 1..=MAX_BAKES {
-        let (bytes, scene) = make(most)?;
-        let now = (most.map_or(all, |most| most.min(all)) as f64, bytes as f64);
+    let mut best: Option<SizedScene<T>> = None;
+    let mut min_bytes = f64::INFINITY;
+    for bakes in 1..=MAX_BAKES {
+        let (bytes, scene) = make(count)?;
+        let now = (count.map_or(all, |count| count.min(all)) as f64, bytes as f64);
         if bytes > limit {
-            least = least.min(now.1);
-        } else if best.as_ref().is_none_or(|(other, _)| *other < bytes) {
-            best = Some((bytes, scene));
+            min_bytes = min_bytes.min(now.1);
+        } else if best.as_ref().is_none_or(|best| best.bytes < bytes) {
+            best = Some(SizedScene { bytes, scene });
         }
-        let enough = if made == 1 { NEAR } else { CLOSE } * limit as f64;
-        if best.as_ref().is_some_and(|(most, _)| {
-            *most as f64 >= enough || bytes <= limit && now.0 >= all as f64
+        let enough = if bakes == 1 { NEAR } else { CLOSE } * limit as f64;
+        if best.as_ref().is_some_and(|best| {
+            best.bytes as f64 >= enough || bytes <= limit && now.0 >= all as f64
         }) {
             break;
         }
-        let each = (now.1 - from.1) / (now.0 - from.0);
-        let next =
-            if each > 0.0 { now.0 + (aim - now.1) / each } else { now.0 * aim / now.1.max(1.0) };
-        from = now;
-        most = Some(next.clamp(1.0, all.max(1) as f64) as u64);
-        if most == Some(now.0 as u64) {
+        let per_triangle = (now.1 - before.1) / (now.0 - before.0);
+        let next = if per_triangle > 0.0 {
+            now.0 + (aim - now.1) / per_triangle
+        } else {
+            now.0 * aim / now.1.max(1.0)
+        };
+        before = now;
+        count = Some(next.clamp(1.0, all.max(1) as f64) as u64);
+        if count == Some(now.0 as u64) {
             break;
         }
     }
-    best.map(|(_, scene)| scene).ok_or_else(|| too_few(least))
+    best.map(|best| best.scene).ok_or_else(|| too_small(min_bytes))
 }
 
 /// Options for a file of the same size, without the stages that use pictures.
-fn plain(options: &BakeOptions) -> BakeOptions {
-    let mut plain = options.clone();
-    plain.teacher = TeacherOptions::OFF;
-    plain.reshape = ReshapeOptions::OFF;
-    plain.refit.refit = RefitColors::Off;
+fn size_probe_options(options: &BakeOptions) -> BakeOptions {
+    let mut probe = options.clone();
+    probe.teacher = TeacherOptions::OFF;
+    probe.reshape = ReshapeOptions::OFF;
+    probe.refit.refit = RefitColors::Off;
     // The size of these files does not depend on the number of triangles.
-    plain.collision.collision = false;
-    plain.texture.texture = TextureWhen::Off;
-    plain
+    probe.collision.collision = false;
+    probe.texture.texture = TextureWhen::Off;
+    probe
 }
 
 /// The scenes without cameras, unless cameras define the crop. Without cameras, triangles are
 /// ranked by size.
-fn sightless(scenes: &[ImportedScene], options: &BakeOptions) -> Vec<ImportedScene> {
+fn without_cameras(scenes: &[ImportedScene], options: &BakeOptions) -> Vec<ImportedScene> {
     let mut scenes = scenes.to_vec();
     if options.crop.crop.is_empty() {
-        scenes.iter_mut().for_each(|scene| scene.cameras.clear());
+        for scene in &mut scenes {
+            scene.cameras.clear();
+        }
     }
     scenes
 }
@@ -190,7 +200,7 @@ mod tests {
             (triangles, header + (each * triangles as f64) as u64)
         };
         let trial = |most| Ok(of(most, tried * each));
-        let found = most_within(limit, None, trial, |most| {
+        let found = largest_within(limit, None, trial, |most| {
             made += 1;
             let bytes = of(most, each).1;
             Ok((bytes, (bytes, most)))
@@ -233,7 +243,7 @@ mod tests {
                 Ok((most.map_or(1000, |most| most.min(1000)), bytes(most, 1.0)))
             };
             let make = |most| Ok((texture + bytes(most, kept), texture + bytes(most, kept)));
-            let found = most_within(limit, None, trial, make).unwrap();
+            let found = largest_within(limit, None, trial, make).unwrap();
             let all = texture + bytes(None, kept);
             assert!(
                 found <= limit && found as f64 >= CLOSE * limit.min(all) as f64,
