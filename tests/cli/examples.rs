@@ -47,7 +47,7 @@ fn the_example_bakes_with_the_preset_that_it_was_asked_for() {
 fn the_example_trains_with_progress_and_writes_a_scene() {
     let folder = tempfile::tempdir().unwrap();
     let printed = run("train", folder.path(), &[&sample("dataset"), "out.ply", "200"]);
-    let scene = read(folder.path().join("out.ply")).unwrap().scene;
+    let scene = read(folder.path().join("out.ply")).unwrap();
     assert!(printed.contains("Scene   100: "), "{printed}");
     assert!(printed.contains(&format!("{} triangles", scene.triangle_count())), "{printed}");
 }
@@ -80,7 +80,7 @@ fn the_example_makes_a_textured_surface_of_photos() {
     std::fs::create_dir(folder.path().join("photos")).unwrap();
     trisplat_synthetic::write(&folder.path().join("photos"), &options).unwrap();
     let printed = run("surface", folder.path(), &["photos", "surface.glb", "4"]);
-    let scene = read(folder.path().join("surface.glb")).unwrap().scene;
+    let scene = read(folder.path().join("surface.glb")).unwrap();
     assert!(printed.contains(&format!("{} triangles", scene.triangle_count())), "{printed}");
     assert!(scene.triangle_count() <= 2000);
 }

@@ -197,7 +197,8 @@ fn a_data_set_becomes_a_file_and_a_page_and_its_training_is_not_repeated() {
 
     // The page begins where the subject's file does.
     let [page, subject] = ["scene.html", "scene.subject.glb"].map(|name| {
-        let provenance = trisplat::read(at(name)).unwrap().provenance;
+        let scene = trisplat::read(at(name)).unwrap();
+        let provenance = scene.provenance();
         (provenance.placement, provenance.viewpoint.unwrap())
     });
     let first = page.0.inverse().then(&subject.0).viewpoint_to_file(&page.1);

@@ -10,7 +10,7 @@ use trisplat::{Dataset, DatasetOptions, Error, TrainJob, TrainOptions};
 use trisplat_job::{Event, TeacherSource, TrainPart};
 use trisplat_scene::image::RgbImage;
 use trisplat_synthetic::SyntheticOptions;
-use trisplat_train::{TrainEvent, Trained, checkpoint};
+use trisplat_train::{Trained, checkpoint};
 
 /// Photos in `folder/photos`: `views` of them, one in eight held out, that track `points`.
 fn photos(folder: &Path, views: u32, points: u32) -> PathBuf {
@@ -34,7 +34,7 @@ impl Stopper {
         match event {
             Event::TrainingStarted(begins) if begins.part != TrainPart::Scene => self.training += 1,
             Event::Teacher(teacher) => self.teacher = Some(Trained::clone(teacher)),
-            Event::Train(_, TrainEvent::Step { sample, .. })
+            Event::Step { sample, .. }
                 if self.at.is_some_and(|(which, step)| {
                     self.training == which + 1 && sample.step >= step
                 }) =>

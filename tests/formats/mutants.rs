@@ -189,9 +189,10 @@ fn mutants_that_are_read_are_baked_or_refused() {
         mutate(row.0, &row.1, 100, |bytes| {
             let Ok(loaded) = read_bytes(&row, bytes, 3) else { return };
             match trisplat::bake(loaded, &trisplat::BakeOptions::default()) {
-                Ok(asset) => {
-                    let proof = asset.mesh.validate();
-                    assert!(proof.is_ok() && asset.mesh.face_count() > 0, "{}: {proof:?}", row.0);
+                Ok(baked) => {
+                    let mesh = baked.asset.mesh;
+                    let proof = mesh.validate();
+                    assert!(proof.is_ok() && mesh.face_count() > 0, "{}: {proof:?}", row.0);
                 }
                 Err(error) => assert!(error.to_string().len() < 1000, "{}: {error}", row.0),
             }

@@ -54,7 +54,7 @@ fn a_viewpoint_that_no_camera_has_is_chosen_again() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.glb");
     let fast = BakeOptions::preset(BakePreset::Fast);
-    let asset = trisplat::bake(scenes::studio(16, 1), &fast).unwrap();
+    let asset = trisplat::bake(scenes::studio(16, 1), &fast).unwrap().asset;
     written(&asset, &path, &OutputOptions::default()).unwrap();
     let (json, bin) = parts(&std::fs::read(&path).unwrap());
     for (key, value) in [
@@ -69,7 +69,7 @@ fn a_viewpoint_that_no_camera_has_is_chosen_again() {
         document["asset"]["extras"]["viewpoint"][key] = serde_json::from_str(value).unwrap();
         std::fs::write(&path, glb(document.to_string().as_bytes(), &bin)).unwrap();
         let loaded = formats::read(&path, &ReadOptions::default()).unwrap();
-        let again = trisplat::bake(loaded, &fast).unwrap();
+        let again = trisplat::bake(loaded, &fast).unwrap().asset;
         let chosen = again.provenance.viewpoint;
         let first = asset.provenance.viewpoint;
         assert!(
@@ -89,7 +89,7 @@ fn mutants_of_a_glb_are_baked_to_valid_files_or_refused() {
     let out = folder.path().join("out.glb");
     let soup = scenes::studio(16, 1);
     for (i, (bake, output)) in bakes().iter().enumerate() {
-        let asset = trisplat::bake(soup.clone(), bake).unwrap();
+        let asset = trisplat::bake(soup.clone(), bake).unwrap().asset;
         written(&asset, &mutant, output).unwrap();
         let (json, bin) = parts(&std::fs::read(&mutant).unwrap());
         let survive = |bytes: Vec<u8>| {
@@ -97,7 +97,7 @@ fn mutants_of_a_glb_are_baked_to_valid_files_or_refused() {
             let Ok(loaded) = formats::read(&mutant, &ReadOptions::default()) else { return };
             for (bake, output) in bakes() {
                 let baked = trisplat::bake(loaded.clone(), &bake);
-                let Ok(()) = baked.and_then(|asset| written(&asset, &out, &output)) else {
+                let Ok(()) = baked.and_then(|baked| written(&baked.asset, &out, &output)) else {
                     continue;
                 };
                 let found = check(&out, &ReadOptions::default()).unwrap();

@@ -11,7 +11,7 @@ fuzz_target!(|bytes: &[u8]| {
     let limits = Limits { triangles: 1 << 16, camera_pixels: 1 << 16, ..Limits::DEFAULT };
     let options = ReadOptions { limits, ..ReadOptions::default() };
     let Ok(loaded) = trisplat_formats::read(file.path(), &options) else { return };
-    if let Ok(asset) = trisplat::bake(loaded, &BakeOptions::default()) {
-        asset.mesh.validate().unwrap();
+    if let Ok(baked) = trisplat::bake(loaded, &BakeOptions::default()) {
+        baked.asset.mesh.validate().unwrap();
     }
 });
