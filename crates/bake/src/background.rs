@@ -12,7 +12,7 @@ use trisplat_scene::report::Outcome;
 use trisplat_scene::{ImportedScene, Scene};
 use trisplat_teacher::Background;
 
-/// Where the colour of the background comes from.
+/// Source of the background's colour.
 #[derive(
     Debug,
     Clone,
@@ -83,7 +83,7 @@ impl BackgroundOptions {
     pub const OFF: Self = Self { background: BackgroundFrom::Off };
 }
 
-/// What was found; empty where the scene fills its pictures.
+/// The background; empty where the scene fills its pictures.
 #[derive(
     Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]

@@ -1,5 +1,5 @@
-//! Whether photos show the scene: their cameras may lie in another frame, or belong to another
-//! place altogether.
+//! Verifies that the photos belong to the scene: their cameras may lie in another frame, or show
+//! another place altogether.
 
 use super::views::Views;
 use std::sync::Arc;
@@ -9,16 +9,23 @@ use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::metric;
 use trisplat_scene::mesh::Mesh;
 
-/// Photos looked at.
+/// Photos compared.
 const VIEWS: usize = 8;
 /// Minimum excess of a drawing's correlation with its own photo over that with other photos. A soft
 /// scene just made solid may be far from its photos and still show the same shapes.
 const MIN_CORRELATION_EXCESS: f64 = 0.05;
 
 /// Describes the fault if drawings of `mesh` match the photos worse than one plain colour does, and
-/// no better than other photos. A `part` of a scene is judged where it is. Fails when a photo
-/// cannot be decoded.
-pub(super) fn check_dataset(mesh: &Mesh, part: bool, views: &mut Views) -> Result<Option<String>> {
+/// no better than other photos. If the scene `is_cropped`, pixels beside it do not count.
+///
+/// # Errors
+///
+/// A photo that cannot be decoded.
+pub(super) fn check_dataset(
+    mesh: &Mesh,
+    is_cropped: bool,
+    views: &mut Views,
+) -> Result<Option<String>> {
     if views.is_empty() {
         return Ok(None);
     }
@@ -33,9 +40,9 @@ pub(super) fn check_dataset(mesh: &Mesh, part: bool, views: &mut Views) -> Resul
     for &view in &chosen {
         let mut photo = views.photo(view)?;
         let picture = solid.render(mesh, views.camera(view), &drawing);
-        if part {
+        if is_cropped {
             let faces = &solid.visibility(mesh, views.camera(view), &drawing).face;
-            photo = Arc::new(within(&photo, faces));
+            photo = Arc::new(masked_to_faces(&photo, faces));
         }
         drawn += metric::psnr(&picture.rgb, &photo.rgb, photo.alpha.as_deref());
         plain += psnr_of_mean_color(&photo);
@@ -52,14 +59,14 @@ pub(super) fn check_dataset(mesh: &Mesh, part: bool, views: &mut Views) -> Resul
 }
 
 /// The photo without the pixels that show no face.
-fn within(photo: &RgbImage, faces: &[u32]) -> RgbImage {
+fn masked_to_faces(photo: &RgbImage, faces: &[u32]) -> RgbImage {
     let alpha = |i: usize| photo.alpha.as_ref().map_or(u8::MAX, |alpha| alpha[i]);
     let seen =
         faces.iter().enumerate().map(|(i, face)| if *face == NO_FACE { 0 } else { alpha(i) });
     RgbImage { alpha: Some(seen.collect()), ..photo.clone() }
 }
 
-/// How much more drawings correlate with their own photos than with others of the same size.
+/// Excess of the drawings' correlation with their own photos over that with others of the same size.
 fn own_resemblance(pictures: &[RgbImage], photos: &[Arc<RgbImage>]) -> f64 {
     let mut own = (0.0, 0.0);
     let mut others = (0.0, 0.0);
@@ -130,6 +137,6 @@ mod tests {
             alpha: Some(vec![9, 8, 7]),
             ..RgbImage::from_rgb(UVec2::new(3, 1), &[[0.5; 3]; 3])
         };
-        assert_eq!(within(&photo, &[4, NO_FACE, 0]).alpha, Some(vec![9, 0, 7]));
+        assert_eq!(masked_to_faces(&photo, &[4, NO_FACE, 0]).alpha, Some(vec![9, 0, 7]));
     }
 }

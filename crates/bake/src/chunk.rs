@@ -12,7 +12,7 @@ use trisplat_scene::{Asset, Chunk, Error, Result, parallel};
 /// can address (65,535 itself restarts a primitive).
 pub const MAX_CHUNK_TRIANGLES: u32 = 21_845;
 
-/// How the scene is cut into nodes.
+/// Options of cutting the scene into nodes.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ChunkOptions {
@@ -32,7 +32,7 @@ impl ChunkOptions {
 
 trisplat_scene::default!(ChunkOptions);
 
-/// How the scene was cut.
+/// The chunks of the scene.
 #[derive(
     Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]

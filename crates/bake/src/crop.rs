@@ -1,6 +1,6 @@
 //! Keeps a region of the scene: a box, a sphere, what cameras have in view, or the subject.
 //!
-//! It comes first, so that a budget of triangles is spent on the region.
+//! The stage comes first, so that a budget of triangles is spent on the region.
 
 mod subject;
 mod volume;
@@ -14,7 +14,7 @@ use trisplat_scene::{Error, Region, Result, Scene, Soup, UpAxis};
 
 pub(crate) use volume::SubjectVolume;
 
-/// Which part of the scene is kept.
+/// Region of the scene to keep.
 #[derive(
     Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -34,18 +34,18 @@ impl CropOptions {
     /// Keeps everything.
     pub const DEFAULT: Self = Self { crop: Vec::new() };
 
-    /// Whether a region is kept instead of everything.
+    /// True if a region is kept instead of everything.
     pub(crate) fn is_cropped(&self) -> bool {
         !self.crop.is_empty()
     }
 
-    /// Whether only the subject is kept.
+    /// True if only the subject is kept.
     pub(crate) fn is_subject(&self) -> bool {
         self.crop.contains(&Region::Subject)
     }
 }
 
-/// What cropping dropped.
+/// Triangles dropped by cropping.
 #[derive(
     Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -79,7 +79,7 @@ pub(crate) fn crop(
     if !options.is_cropped() {
         return Ok((Outcome::Skipped("`crop` was not given"), None));
     }
-    let (keep, volume) = kept(scene, cameras, up, options)?;
+    let (keep, volume) = kept_triangles(scene, cameras, up, options)?;
     details.subject_share = volume.as_ref().and_then(|volume| volume.share(cameras));
     let kept = keep.iter().filter(|keep| **keep).count();
     let total = keep.len();
@@ -95,8 +95,8 @@ pub(crate) fn crop(
     Ok((Outcome::Changed(()), volume))
 }
 
-/// Keeps what is in the `volume` of the triangles that have `keep`. Returns the number of those
-/// that were cut.
+/// Keeps the parts in `volume` of the triangles that have `keep`. Returns the number of cut
+/// triangles.
 fn keep_parts(soup: &mut Soup, keep: &[bool], volume: &SubjectVolume) -> u64 {
     let mut order = Vec::new();
     let mut corners = Vec::new();
@@ -111,13 +111,13 @@ fn keep_parts(soup: &mut Soup, keep: &[bool], volume: &SubjectVolume) -> u64 {
     cut
 }
 
-/// Which triangles of `scene` are in the region, at least one, and the space of the subject, if it
-/// is asked for.
+/// True for triangles of `scene` in the region, at least one; and the volume of the subject, if it is
+/// kept.
 ///
 /// # Errors
 ///
 /// As [`crop`].
-fn kept(
+fn kept_triangles(
     scene: &Scene,
     cameras: &[Camera],
     up: Option<UpAxis>,
@@ -148,7 +148,7 @@ fn kept(
     Ok((keep, volume))
 }
 
-/// Which faces of a surface are in the `volume` of the subject and the other regions. `[F]`
+/// True for faces of a surface in the `volume` of the subject and the other regions. `[F]`
 pub(crate) fn faces_within(
     mesh: &Mesh,
     volume: &SubjectVolume,
@@ -162,7 +162,7 @@ pub(crate) fn faces_within(
     keep
 }
 
-/// Whether the centroid of a triangle is in all regions.
+/// True if the centroid of a triangle is in all regions.
 fn is_inside(corners: [Vec3; 3], cameras: &[Camera], options: &CropOptions) -> bool {
     let centroid = corners.map(|v| v.as_dvec3()).into_iter().sum::<DVec3>() / 3.0;
     options.crop.iter().all(|region| region.holds(centroid, cameras))

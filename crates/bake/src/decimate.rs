@@ -135,7 +135,7 @@ impl<'a> Decimation<'a> {
 pub struct MovedCorners {
     faces: Vec<u32>,
     corners: Vec<[Vec3; 3]>,
-    /// How often a corner was moved.
+    /// Number of moved corners.
     pub moves: u64,
 }
 

@@ -9,13 +9,13 @@ use trisplat_dataset::exposure::{
 use trisplat_scene::Result;
 use trisplat_scene::report::Outcome;
 
-/// Whether photos are corrected.
+/// Correction of the photos.
 #[derive(
     Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
 #[serde(deny_unknown_fields, default)]
 pub struct ExposureOptions {
-    /// Whether to correct photos that differ in exposure and white balance, or are darker in their
+    /// Correct photos that differ in exposure and white balance, or are darker in their
     /// corners: auto (as the training did), on, off, or three shares
     pub exposure: ExposureUse,
 }

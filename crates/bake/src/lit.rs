@@ -15,7 +15,7 @@ use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::report::Outcome;
 use trisplat_surface::SurfaceOptions;
 
-/// Whether the scene gets normals and a lit material.
+/// Options of normals and a lit material.
 #[derive(
     Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -35,7 +35,7 @@ impl LitOptions {
     pub const DEFAULT: Self = Self { lit: Lit::Off };
 }
 
-/// Which normals triangles get.
+/// Normals of the triangles.
 #[derive(
     Debug,
     Clone,
@@ -59,7 +59,7 @@ pub enum Lit {
     Flat,
 }
 
-/// What normals were made of.
+/// Sources of the normals.
 #[derive(
     Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -79,8 +79,8 @@ pub struct LitDetails {
 
 trisplat_scene::stage!(LitDetails, "lit");
 
-/// Maximum number of cameras that are asked.
-const CAMERAS: usize = 100;
+/// Maximum number of cameras that decide the fronts of faces.
+const MAX_CAMERAS: usize = 100;
 /// Longer side of the pictures that show which faces are visible, px.
 const SIDE: u32 = 320;
 /// Side of a cell whose triangles share normals, in sides of the median triangle.
@@ -105,8 +105,8 @@ pub fn lit(
     if !mesh.normals.is_empty() || mesh.face_count() == 0 {
         return Ok(Outcome::Skipped("there is no face without a normal"));
     }
-    let cameras: Vec<&Camera> = asked(cameras).collect();
-    let seen = see(mesh, &cameras);
+    let cameras: Vec<&Camera> = sampled_cameras(cameras).collect();
+    let seen = face_fronts(mesh, &cameras);
     details.cameras = cameras.len() as u64;
     details.unseen =
         seen.iter().filter(|seen| !cameras.is_empty() && seen.weight == 0.0).count() as u64;
@@ -133,21 +133,21 @@ pub fn lit(
     Ok(Outcome::Changed(()))
 }
 
-/// A face as cameras see it.
-struct Seen {
+/// The front of a face, towards the cameras.
+struct FaceFront {
     /// Unit normal of its plane, towards the cameras.
     normal: Vec3,
     /// The pixels that show it; without cameras its area.
     weight: f32,
 }
 
-/// At most [`CAMERAS`] of `cameras`, evenly spread.
-fn asked(cameras: &[Camera]) -> impl Iterator<Item = &Camera> {
-    cameras.iter().step_by(cameras.len().div_ceil(CAMERAS).max(1))
+/// At most [`MAX_CAMERAS`] of `cameras`, evenly spaced.
+fn sampled_cameras(cameras: &[Camera]) -> impl Iterator<Item = &Camera> {
+    cameras.iter().step_by(cameras.len().div_ceil(MAX_CAMERAS).max(1))
 }
 
-/// Every face as `cameras` see it, with the faces that hide it drawn too.
-fn see(mesh: &Mesh, cameras: &[&Camera]) -> Vec<Seen> {
+/// Fronts of all faces, as `cameras` see them: hidden pixels do not count.
+fn face_fronts(mesh: &Mesh, cameras: &[&Camera]) -> Vec<FaceFront> {
     let mut pixels = vec![[0u32; 2]; mesh.face_count()];
     let mut solid = SolidRasterizer::new();
     let drawing = SolidRasterOptions { samples: 1, ..SolidRasterOptions::default() };
@@ -166,7 +166,7 @@ fn see(mesh: &Mesh, cameras: &[&Camera]) -> Vec<Seen> {
         let normal = mesh.flat_normal(face);
         let weight =
             if cameras.is_empty() { mesh.area(face) as f32 } else { (front + back) as f32 };
-        Seen { normal: if back > front { -normal } else { normal }, weight }
+        FaceFront { normal: if back > front { -normal } else { normal }, weight }
     };
     parallel::collect(pixels.len(), GRAIN, seen)
 }
@@ -174,12 +174,12 @@ fn see(mesh: &Mesh, cameras: &[&Camera]) -> Vec<Seen> {
 /// Smooth normals from the surface or the neighbourhood.
 fn smooth(
     mesh: &Mesh,
-    seen: &[Seen],
+    seen: &[FaceFront],
     surface: Option<&Mesh>,
     details: &mut LitDetails,
 ) -> Vec<Vec3> {
     let of_surface = surface.map(SurfaceNormals::of);
-    let around = Cells::of(mesh, seen);
+    let around = NormalCells::of(mesh, seen);
     let normal = |face: usize| {
         let seen = &seen[face];
         let centroid = mesh.centroid(face);
@@ -240,13 +240,13 @@ fn agreement(normal: Vec3, other: Vec3) -> f32 {
 
 /// The normals of triangles, summed for each cell by their nearest axis, so that sheets back to
 /// back stay apart.
-struct Cells {
+struct NormalCells {
     side: f32,
     sums: HashMap<IVec3, [Vec3; 6]>,
 }
 
-impl Cells {
-    fn of(mesh: &Mesh, seen: &[Seen]) -> Self {
+impl NormalCells {
+    fn of(mesh: &Mesh, seen: &[FaceFront]) -> Self {
         let side = (CELL * mesh.detail()).max(f64::from(f32::MIN_POSITIVE)) as f32;
         let mut sums: HashMap<IVec3, [Vec3; 6]> = HashMap::new();
         for (face, seen) in seen.iter().enumerate() {

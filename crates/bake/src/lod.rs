@@ -17,7 +17,7 @@ use trisplat_scene::{Asset, Error, Result};
 /// Maximum number of levels beside the scene itself.
 const MAX_LEVELS: usize = 8;
 
-/// Which levels are made.
+/// Levels to make.
 #[derive(
     Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -64,7 +64,7 @@ impl LodOptions {
     Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
 pub struct LodDetails {
-    /// How triangles were ranked.
+    /// Ranking of the triangles.
     pub ordered_by: LodRanking,
     /// One entry per level.
     pub levels: Vec<LevelDetails>,
@@ -72,7 +72,7 @@ pub struct LodDetails {
 
 trisplat_scene::stage!(LodDetails, "lod");
 
-/// How the triangles of levels are ranked.
+/// Ranking of the triangles of levels.
 #[derive(
     Debug,
     Clone,
@@ -106,37 +106,36 @@ pub struct LevelDetails {
     pub detail: f64,
 }
 
-/// What levels are made of.
+/// The scene that levels are made from.
 #[derive(Debug, Clone, Copy)]
 pub struct LevelSource<'a> {
     /// All triangles, before the finest level is coloured and placed.
     pub mesh: &'a Mesh,
     /// Cameras whose pictures decide the importance of triangles; may be empty.
     pub cameras: &'a [Camera],
-    /// Whether the remaining triangles are enlarged.
+    /// Enlarges the remaining triangles to cover gaps.
     pub enlarge: bool,
 }
 
 /// A level after the stages that follow this one.
 #[derive(Debug)]
 pub struct FinishedLevel {
-    /// As it is written.
+    /// The level as it is written.
     pub asset: Asset,
     /// Mean PSNR against some of the photos, dB, if there are any.
     pub psnr: Option<f64>,
 }
 
-/// The share of the stage's time for ranking; each level then takes an equal part of the rest, and
-/// ...
+/// Share of the stage's time for ranking; each level then takes an equal part of the rest.
 const RANKING_PART: f64 = 0.2;
-/// ... this much of its part before it is finished.
+/// Share of a level's time before it is finished.
 const MOVING_PART: f64 = 0.5;
 
 /// Makes the levels of `source`, coarser and coarser, into `levels`, each finished by `finish`.
 ///
 /// # Errors
 ///
-/// Those of `finish`.
+/// Errors of `finish`.
 pub fn lod(
     levels: &mut Vec<Asset>,
     source: &LevelSource<'_>,

@@ -79,7 +79,7 @@ pub(super) fn share_world(inputs: &mut [ImportedScene]) {
                 UpDirection::Vector(_) => of_soups,
             };
             loaded.provenance.up = up;
-            // It is in the frame of the file.
+            // The viewpoint is in the frame of the file.
             loaded.provenance.viewpoint = None;
         }
         loaded.provenance.placement = frame;
@@ -141,7 +141,7 @@ pub(super) fn share_origin(inputs: &mut [ImportedScene]) {
         let number = i + 1;
         if is_georeferenced(&own)
             || (far.is_none() && is_moved_soup(loaded))
-            || is_at(loaded, &frame)
+            || is_near_origin(loaded, &frame)
         {
             let [x, y, z] = apart.to_array();
             rebase(loaded, &frame);
@@ -168,22 +168,22 @@ pub(super) fn share_origin(inputs: &mut [ImportedScene]) {
     }
 }
 
-/// Whether a reader gave the file an origin of its own, because it is far from that of its world,
-/// or a bake kept such an origin.
+/// True if a reader gave the file an origin of its own, because it is far from that of its world, or
+/// a bake kept such an origin.
 fn is_georeferenced(placement: &Placement) -> bool {
     is_far(DVec3::from(placement.center))
 }
 
-/// Whether it is a soup that was only moved: a bake turns what it places, and writes meshes.
+/// True for a soup that was only moved: a bake turns what it places, and writes meshes.
 fn is_moved_soup(loaded: &ImportedScene) -> bool {
     let Placement { up, rotate, scale, .. } = loaded.provenance.placement;
     matches!(loaded.scene, Scene::Soup(_))
         && Placement { up, rotate, scale, center: [0.0; 3] } == Placement::IDENTITY
 }
 
-/// Whether an input that was never moved is nearer to the origin of a frame than to that of the
-/// world. It is then a single-precision file of the same place.
-fn is_at(loaded: &ImportedScene, frame: &Placement) -> bool {
+/// True if an input that was never moved is nearer to the origin of a frame than to that of the world:
+/// it is then a single-precision file of the same place.
+fn is_near_origin(loaded: &ImportedScene, frame: &Placement) -> bool {
     let triangles = loaded.scene.triangle_count();
     let corner = |i: usize| loaded.scene.corners(i)[0];
     let Some(at) = (0..triangles).map(corner).find(|corner| corner.is_finite()) else {

@@ -27,16 +27,16 @@ use trisplat_surface::{Part, SurfaceDetails, SurfaceOptions, surface_of_part};
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct MeshOptions {
-    /// Which part of the scene is kept.
+    /// Region of the scene to keep.
     #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Crop: keep a region"))]
     pub crop: CropOptions,
-    /// How the surface is made.
+    /// Options of the surface.
     #[cfg_attr(
         feature = "cli",
         command(flatten, next_help_heading = "Surface: one connected mesh")
     )]
     pub surface: SurfaceOptions,
-    /// Whether triangles show a texture.
+    /// Options of the texture.
     #[cfg_attr(
         feature = "cli",
         command(flatten, next_help_heading = "Texture: detail of the photos")

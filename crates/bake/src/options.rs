@@ -57,58 +57,58 @@ pub struct BakeOptions {
     /// The background that the scene was trained on.
     #[cfg_attr(feature = "cli", arg(skip = BackgroundOptions::DEFAULT))]
     pub background: BackgroundOptions,
-    /// Which part of the scene is kept.
+    /// Region of the scene to keep.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub crop: CropOptions,
-    /// Whether pictures of the soft scene replace photos.
+    /// Pictures of the soft scene in place of photos.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub teacher: TeacherOptions,
-    /// Whether a surface to collide with is made.
+    /// The surface for collisions.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub collision: CollisionOptions,
-    /// Which triangles are dropped.
+    /// Triangles to drop.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub prune: PruneOptions,
-    /// How soft triangles become solid.
+    /// Conversion of soft triangles to solid ones.
     #[cfg_attr(feature = "cli", arg(skip = SolidOptions::DEFAULT))]
     pub solid: SolidOptions,
-    /// Which triangles the photos need.
+    /// Removal of triangles that photos do not show.
     #[cfg_attr(feature = "cli", arg(skip = UnseenOptions::DEFAULT))]
     pub unseen: UnseenOptions,
-    /// Whether photos are corrected.
+    /// Correction of the photos.
     #[cfg_attr(feature = "cli", arg(skip = ExposureOptions::DEFAULT))]
     pub exposure: ExposureOptions,
-    /// Which triangles are fitted to pictures.
+    /// Fitting of triangles to pictures.
     #[cfg_attr(feature = "cli", arg(skip = ReshapeOptions::DEFAULT))]
     pub reshape: ReshapeOptions,
-    /// From which sides triangles are drawn.
+    /// Sides from which triangles are drawn.
     #[cfg_attr(feature = "cli", arg(skip = SidesOptions::DEFAULT))]
     pub sides: SidesOptions,
-    /// Which levels of detail are made.
+    /// Levels of detail.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub lod: LodOptions,
-    /// How the scene is cut into tiles.
+    /// Tiles.
     #[cfg_attr(feature = "cli", arg(skip = TilesOptions::DEFAULT))]
     pub tiles: TilesOptions,
     /// The backdrop of the scene.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub backdrop: BackdropOptions,
-    /// How colours are taken from the photos.
+    /// Colours from the photos.
     #[cfg_attr(feature = "cli", arg(skip = RefitOptions::DEFAULT))]
     pub refit: RefitOptions,
-    /// Whether triangles show a texture.
+    /// Texture.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub texture: TextureOptions,
-    /// Whether the scene gets normals and a lit material.
+    /// Normals and a lit material.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub lit: LitOptions,
-    /// Which corners become one vertex.
+    /// Merging of equal corners into one vertex.
     #[cfg_attr(feature = "cli", arg(skip = WeldOptions::DEFAULT))]
     pub weld: WeldOptions,
     /// The frame of the output.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub place: PlaceOptions,
-    /// How the scene is cut.
+    /// Chunks.
     #[cfg_attr(feature = "cli", arg(skip = ChunkOptions::DEFAULT))]
     pub chunk: ChunkOptions,
     /// The order of triangles.

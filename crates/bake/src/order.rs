@@ -37,7 +37,7 @@ impl OrderOptions {
 
 trisplat_scene::default!(OrderOptions);
 
-/// What ordering did.
+/// Effect of ordering.
 #[derive(
     Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -83,7 +83,7 @@ pub(super) fn faces_along_curve(mesh: &Mesh, faces: &[u32]) -> Vec<u32> {
 /// Scenes with fewer triangles are left unchanged: the caches of a CPU hold them in any order.
 const FEWEST: usize = 16_384;
 
-/// What arranging did.
+/// Effect of arranging.
 #[derive(
     Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]

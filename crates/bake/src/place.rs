@@ -30,7 +30,7 @@ pub(crate) mod words;
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct PlaceOptions {
-    /// What points up in the input; the output is Y-up: auto, an axis (x -x y -y z -z) or any
+    /// Up direction of the input; the output is Y-up: auto, an axis (x -x y -y z -z) or any
     /// direction as in 0.02,-0.9,0.1. Auto: the direction of the cameras, corrected by the largest
     /// level surface; without cameras that of the file, else -y (COLMAP and its trainers), y for
     /// glTF.
@@ -82,7 +82,7 @@ impl PlaceOptions {
 
 trisplat_scene::default!(PlaceOptions);
 
-/// How the scene was moved.
+/// The move of the scene.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PlaceDetails {
     /// The direction of the input that points up.
@@ -109,7 +109,7 @@ pub struct PlaceDetails {
 trisplat_scene::stage!(PlaceDetails, "place");
 
 impl PlaceDetails {
-    /// What the user should check, if anything.
+    /// Warning if the up axis is a guess.
     pub fn warning(&self) -> Option<String> {
         let estimate = self.estimate.as_ref()?;
         let why = match estimate.confidence {

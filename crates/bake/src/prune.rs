@@ -1,6 +1,6 @@
 //! Removes the triangles that an engine cannot draw or that cannot be seen.
 //!
-//! It comes first because every later stage costs per triangle. Geometry after it is finite and
+//! The stage comes first because every later stage costs per triangle. Geometry after it is finite and
 //! within ±[`REACH`], as the hierarchy and engines' culling require.
 
 use glam::Vec3;
@@ -23,7 +23,7 @@ const STRAYS: f32 = 1e-3;
 /// rounding error of that edge.
 const FLAT: f64 = f32::EPSILON as f64;
 
-/// Which triangles to drop.
+/// Limits below or beyond which triangles are dropped.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
@@ -105,14 +105,14 @@ pub fn prune(
     if counts.out_of_reach > 0 {
         check_scale(&verdicts, counts.out_of_reach, |i| scene.corners(i))?;
     }
-    if verdicts.iter().all(|verdict| *verdict != Verdict::Keep) {
+    if verdicts.iter().all(|verdict| *verdict != PruneDecision::Keep) {
         return Err(nothing_left(options, &counts, verdicts.len()));
     }
     if counts == PruneDetails::default() {
         return Ok(Outcome::Skipped("every triangle can be seen"));
     }
     *details = counts;
-    let keep = |i: usize| verdicts[i] == Verdict::Keep;
+    let keep = |i: usize| verdicts[i] == PruneDecision::Keep;
     match scene {
         Scene::Soup(soup) => soup.retain(keep),
         Scene::Mesh(mesh) => mesh.retain(keep),
@@ -122,8 +122,12 @@ pub fn prune(
 
 /// Refuses a scene that is too large to be drawn; strays far from a scene of ordinary size are
 /// dropped.
-fn check_scale(verdicts: &[Verdict], far: u64, corners: impl Fn(usize) -> [Vec3; 3]) -> Result<()> {
-    let finite = (0..verdicts.len()).filter(|i| verdicts[*i] != Verdict::NonFinite);
+fn check_scale(
+    verdicts: &[PruneDecision],
+    far: u64,
+    corners: impl Fn(usize) -> [Vec3; 3],
+) -> Result<()> {
+    let finite = (0..verdicts.len()).filter(|i| verdicts[*i] != PruneDecision::NonFinite);
     let reaches: Vec<f32> = finite.map(|i| reach(&corners(i))).collect();
     let most = reaches.iter().copied().fold(0.0, f32::max);
     let typical = median(reaches, f32::total_cmp).unwrap_or(0.0);
@@ -140,7 +144,7 @@ fn check_scale(verdicts: &[Verdict], far: u64, corners: impl Fn(usize) -> [Vec3;
 }
 
 impl PruneDetails {
-    /// What the user should know, if anything.
+    /// Warning of triangles that engines cannot draw.
     pub fn warning(&self) -> Option<String> {
         let far = self.out_of_reach;
         (far > 0).then(|| {
@@ -151,27 +155,27 @@ impl PruneDetails {
         })
     }
 
-    /// The number of triangles of each [`Verdict`].
-    fn of(verdicts: &[Verdict]) -> Self {
+    /// The number of triangles of each [`PruneDecision`].
+    fn of(verdicts: &[PruneDecision]) -> Self {
         let mut counts = Self::default();
         for verdict in verdicts {
             *match verdict {
-                Verdict::Keep => continue,
-                Verdict::NonFinite => &mut counts.non_finite,
-                Verdict::OutOfReach => &mut counts.out_of_reach,
-                Verdict::Degenerate => &mut counts.degenerate,
-                Verdict::Faint => &mut counts.faint,
-                Verdict::Soft => &mut counts.soft,
-                Verdict::OverBudget => &mut counts.over_budget,
+                PruneDecision::Keep => continue,
+                PruneDecision::NonFinite => &mut counts.non_finite,
+                PruneDecision::OutOfReach => &mut counts.out_of_reach,
+                PruneDecision::Degenerate => &mut counts.degenerate,
+                PruneDecision::Faint => &mut counts.faint,
+                PruneDecision::Soft => &mut counts.soft,
+                PruneDecision::OverBudget => &mut counts.over_budget,
             } += 1;
         }
         counts
     }
 }
 
-/// Why a triangle is kept or dropped.
+/// Decision about a triangle, with its reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Verdict {
+enum PruneDecision {
     Keep,
     NonFinite,
     OutOfReach,
@@ -181,7 +185,7 @@ enum Verdict {
     OverBudget,
 }
 
-/// What the rules depend on.
+/// Properties that decide about a triangle.
 struct Face {
     corners: [Vec3; 3],
     opacity: f32,
@@ -208,31 +212,31 @@ fn classify(
     count: usize,
     face: impl Fn(usize) -> Face + Sync,
     options: &PruneOptions,
-) -> Vec<Verdict> {
-    let mut verdicts: Vec<Verdict> =
+) -> Vec<PruneDecision> {
+    let mut verdicts: Vec<PruneDecision> =
         parallel::collect(count, GRAIN, |i| classify_alone(&face(i), options));
     drop_over_budget(&mut verdicts, &face, options);
     verdicts
 }
 
 /// The verdict by the rules that need one face only.
-fn classify_alone(face: &Face, options: &PruneOptions) -> Verdict {
+fn classify_alone(face: &Face, options: &PruneOptions) -> PruneDecision {
     let finite = face.corners.iter().all(|v| v.is_finite())
         && face.opacity.is_finite()
         && face.sigma.is_finite()
         && face.color.iter().all(|c| c.is_finite());
     if !finite {
-        Verdict::NonFinite
+        PruneDecision::NonFinite
     } else if reach(&face.corners) > REACH {
-        Verdict::OutOfReach
+        PruneDecision::OutOfReach
     } else if is_degenerate(&face.corners) {
-        Verdict::Degenerate
+        PruneDecision::Degenerate
     } else if f64::from(face.opacity) < options.min_opacity {
-        Verdict::Faint
+        PruneDecision::Faint
     } else if options.max_sigma > 0.0 && f64::from(face.sigma) > options.max_sigma {
-        Verdict::Soft
+        PruneDecision::Soft
     } else {
-        Verdict::Keep
+        PruneDecision::Keep
     }
 }
 
@@ -271,13 +275,13 @@ fn is_degenerate_f64(corners: &[Vec3; 3]) -> bool {
 
 /// Keeps the `max_triangles` faces that add most to the picture; ties go to the earlier face.
 fn drop_over_budget(
-    verdicts: &mut [Verdict],
+    verdicts: &mut [PruneDecision],
     face: &(impl Fn(usize) -> Face + Sync),
     options: &PruneOptions,
 ) {
     let Some(budget) = options.max_triangles.and_then(|n| usize::try_from(n).ok()) else { return };
     let kept = |i: usize| {
-        (verdicts[i] == Verdict::Keep).then(|| (contribution(&face(i)) as f32, i as u32))
+        (verdicts[i] == PruneDecision::Keep).then(|| (contribution(&face(i)) as f32, i as u32))
     };
     let mut contributions: Vec<(f32, u32)> = parallel::filter_map(verdicts.len(), GRAIN, kept);
     if contributions.len() <= budget {
@@ -286,7 +290,7 @@ fn drop_over_budget(
     let largest_first = |a: &(f32, u32), b: &(f32, u32)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
     contributions.select_nth_unstable_by(budget, largest_first);
     for &(_, i) in &contributions[budget..] {
-        verdicts[i as usize] = Verdict::OverBudget;
+        verdicts[i as usize] = PruneDecision::OverBudget;
     }
 }
 

@@ -25,7 +25,7 @@ use levels::LevelContext;
 use load::LoadedScene;
 use pictures::{FileFrame, NormalSources, SceneCameras};
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::{Report, StageObserver};
+use trisplat_scene::report::{Counts, Outcome, Report, StageDetails, StageObserver, StageProgress};
 use trisplat_scene::{Asset, ImportedScene, Placement, Result};
 
 /// A bake that is running: its options, and where it reports.
@@ -118,6 +118,26 @@ impl<'a> Recipe<'a> {
         Ok(BakeOutcome { asset, crop, viewpoint })
     }
 
+    /// Runs a stage whose details only the report needs.
+    fn stage<T, D: StageDetails>(
+        &mut self,
+        input: T,
+        measure: impl Fn(&T) -> Counts,
+        run: impl FnOnce(&mut T, &mut D) -> Result<Outcome<()>>,
+    ) -> Result<T> {
+        Ok(self.report.stage(self.observer, input, measure, run)?.0)
+    }
+
+    /// [`Recipe::stage`] for one that reports its progress.
+    fn long_stage<T, D: StageDetails>(
+        &mut self,
+        input: T,
+        measure: impl Fn(&T) -> Counts,
+        run: impl FnOnce(&mut T, &mut D, &mut StageProgress<'_>) -> Result<Outcome<()>>,
+    ) -> Result<T> {
+        Ok(self.report.long_stage(self.observer, input, measure, run)?.0)
+    }
+
     /// The up axis of a mesh is a guess if neither its file nor an option nor photos give it.
     fn warn_of_unknown_up(&mut self, is_unknown: bool) {
         if is_unknown && self.options.place.up == PlaceOptions::DEFAULT.up {
@@ -140,11 +160,7 @@ impl<'a> Recipe<'a> {
         let mut asset = Asset { collision, backdrop_apart, ..asset };
         self.replace_backdrop_by_sky(&mut asset, sky, &frame.placement);
         let options = &self.options.tiles;
-        let (asset, _) =
-            self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
-                tiles(asset, options, details)
-            })?;
-        Ok(asset)
+        self.stage(asset, Asset::counts, |asset, details| tiles(asset, options, details))
     }
 }
 

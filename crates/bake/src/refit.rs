@@ -28,7 +28,7 @@
 //! The backdrop is a surface of its own, whose colours are solved together: see `shell_colors.rs`.
 
 use crate::views::Views;
-use equations::Fit;
+use equations::ColorFit;
 use photo_equations::Accumulator;
 pub(super) use shell_colors::smooth_shell;
 use trisplat_scene::Result;
@@ -43,14 +43,13 @@ mod shell_colors;
 
 pub use options::{RefitColors, RefitOptions};
 
-/// Progress of the stage when all photos but the held-out ones are added, and ...
+/// Progress of the stage when all photos but the held-out ones are added.
 const OTHERS_PART: f64 = 0.7;
-/// ... where those are evaluated.
+/// Progress of the stage when the held-out photos are evaluated.
 const EVALUATED_PART: f64 = 0.85;
-/// A photo is an outlier when its mean error is this far from that of the others, sRGB-encoded, and
-/// ...
+/// Minimum distance of an outlier's mean error from that of the other photos, sRGB-encoded.
 const OUTLIER: f32 = 0.02;
-/// ... this many times farther than the median distance.
+/// Minimum distance of an outlier's mean error, as a multiple of the median distance.
 const OUTLIER_SPREADS: f32 = 6.0;
 
 /// The result of fitting. Without held-out photos, or when `refit` names the colours, there is no
@@ -85,7 +84,7 @@ pub struct RefitDetails {
     /// own colours.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub revived: Option<u64>,
-    /// Which colours the mesh got.
+    /// Colours of the mesh.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colors: Option<RefitColors>,
 }
@@ -102,10 +101,10 @@ impl RefitDetails {
 
 trisplat_scene::stage!(RefitDetails, "refit");
 
-/// What fitting found.
+/// Result of fitting.
 #[derive(Debug)]
 pub struct Refitted {
-    /// Whether the colours changed.
+    /// Changed, if the colours did.
     pub outcome: Outcome<()>,
     /// For stages that compare with these colours; none when nothing was fitted or no photo was
     /// held out.
@@ -274,7 +273,7 @@ pub(super) struct Evaluation {
 
 impl Evaluation {
     /// Evaluates `fit` on the photos `held_out`, which it has not seen.
-    fn new(mesh: &mut Mesh, views: &mut Views, held_out: &[usize], fit: &Fit) -> Result<Self> {
+    fn new(mesh: &mut Mesh, views: &mut Views, held_out: &[usize], fit: &ColorFit) -> Result<Self> {
         Ok(Self {
             before: views.mean_psnr(mesh, held_out)?,
             flat: psnr_of(mesh, views, held_out, fit.colors(RefitColors::Flat))?,

@@ -25,7 +25,7 @@ mod round;
 
 use super::views::Views;
 use reshaped::ReshapedFaces;
-use round::{Effort, Rounds};
+use round::{RoundEffort, Rounds};
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::ranges::{self, Called};
 use trisplat_scene::report::{Outcome, StageProgress};
@@ -50,7 +50,7 @@ pub enum ReshapeWhen {
     Off,
 }
 
-/// How triangles are fitted to pictures.
+/// Options of fitting triangles to pictures.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ReshapeOptions {
@@ -105,10 +105,10 @@ pub struct ReshapeDetails {
 
 trisplat_scene::stage!(ReshapeDetails, "reshape");
 
-/// Known facts about the scene.
+/// Properties of the scene as it was trained.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct SceneTraits {
-    /// It was soft.
+    /// The scene was soft.
     pub is_soft: bool,
     /// A shell closes it: no view should show holes.
     pub is_closed: bool,
@@ -128,13 +128,13 @@ pub fn reshape(
     progress: &mut StageProgress<'_>,
 ) -> Result<Outcome<()>> {
     options.validate()?;
-    if let Some(why) = nothing_to_do(mesh, traits, options) {
+    if let Some(why) = skip_reason(mesh, traits, options) {
         return Ok(Outcome::Skipped(why));
     }
     let Some(views) = views.filter(|views| !views.is_empty()) else {
         return Ok(Outcome::Skipped("there are no photos and no pictures of the soft scene"));
     };
-    let effort = Effort::new(mesh.face_count(), views.cameras(), options.reshape_rounds);
+    let effort = RoundEffort::new(mesh.face_count(), views.cameras(), options.reshape_rounds);
     let [recolored, fitted] = fit(mesh, views, traits, effort, details, progress)?;
     let chosen = views.evenly_spaced(EVALUATION_VIEWS);
     // With few pictures per triangle, a round may spoil triangles for the other pictures.
@@ -146,12 +146,8 @@ pub fn reshape(
     Ok(Outcome::Changed(()))
 }
 
-/// Why there is nothing to do, if this is known without pictures.
-fn nothing_to_do(
-    mesh: &Mesh,
-    traits: SceneTraits,
-    options: &ReshapeOptions,
-) -> Option<&'static str> {
+/// Reason to skip the stage that needs no pictures.
+fn skip_reason(mesh: &Mesh, traits: SceneTraits, options: &ReshapeOptions) -> Option<&'static str> {
     match options.reshape {
         ReshapeWhen::Off => Some("`reshape` off"),
         ReshapeWhen::Auto if !traits.is_soft => Some("the scene is solid already"),
@@ -166,7 +162,7 @@ fn fit(
     mesh: &Mesh,
     views: &mut Views,
     traits: SceneTraits,
-    effort: Effort,
+    effort: RoundEffort,
     details: &mut ReshapeDetails,
     progress: &mut StageProgress<'_>,
 ) -> Result<[Mesh; 2]> {
@@ -178,13 +174,13 @@ fn fit(
     details.psnr_first = found.psnr();
     details.psnr_last = found.psnr();
     let recolored = faces.to_mesh();
-    let mut changes = Changes::default();
+    let mut changes = RoundChanges::default();
     for round in 1..effort.rounds {
         progress.set(round as usize, effort.rounds as usize);
         details.psnr_last =
             changes.round(round, effort, mesh.face_count(), &mut faces, &mut rounds)?;
     }
-    let Changes { dropped, moved, cut } = changes;
+    let RoundChanges { dropped, moved, cut } = changes;
     details.rounds = Some(effort.rounds);
     details.dropped = Some(dropped);
     details.corners_moved = Some(moved);
@@ -192,20 +188,20 @@ fn fit(
     Ok([recolored, faces.to_mesh()])
 }
 
-/// What the rounds changed.
+/// Triangles changed by the rounds.
 #[derive(Default)]
-struct Changes {
+struct RoundChanges {
     dropped: u64,
     moved: u64,
     cut: u64,
 }
 
-impl Changes {
+impl RoundChanges {
     /// Makes a round with at most `most` faces; returns the PSNR before it.
     fn round(
         &mut self,
         round: u32,
-        effort: Effort,
+        effort: RoundEffort,
         most: usize,
         faces: &mut ReshapedFaces,
         rounds: &mut Rounds<'_>,

@@ -40,7 +40,7 @@ impl SidesOptions {
 
 trisplat_scene::default!(SidesOptions);
 
-/// What cameras saw of sides.
+/// Sides of triangles that cameras see.
 #[derive(
     Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]

@@ -14,7 +14,7 @@ use trisplat_scene::{Error, Result, Soup, parallel, rgb_from_sh0};
 /// 2^10000.
 pub const SOLID_SIGMA: f32 = 1e-4;
 
-/// How a soft triangle becomes solid.
+/// Size of the solid triangle that replaces a soft one.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -31,11 +31,11 @@ pub enum Solidify {
     None,
 }
 
-/// How soft triangles become solid ones.
+/// Options of the conversion of soft triangles to solid ones.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SolidOptions {
-    /// How a soft triangle becomes solid
+    /// Size of the solid triangle that replaces a soft one
     pub solid: Solidify,
     /// The value of opacity times window that counts as the outline
     #[schemars(range(min = 0.0, max = 1.0))]
@@ -49,7 +49,7 @@ impl SolidOptions {
 
 trisplat_scene::default!(SolidOptions);
 
-/// What shrinking did.
+/// Effect of shrinking.
 #[derive(
     Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -241,7 +241,7 @@ fn area(v: &[Vec3; 3]) -> f64 {
 
 // ---- Spherical harmonics of degree 0 become linear face colours ---------------------------------
 
-/// What the conversion clamped.
+/// Values clamped by the conversion.
 #[derive(
     Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]

@@ -29,14 +29,14 @@ const MAX_PIXELS: u64 = 12_000_000;
 const CHOSEN_PICTURES: usize = 32;
 /// Pictures that softness is measured on.
 const SOFTNESS_VIEWS: usize = 4;
-/// Their longer side, px.
+/// Longer side of these pictures, px.
 const SOFTNESS_PX: u32 = 240;
 /// Pictures with a smaller share of scene are not used.
 const MIN_COVERED: f64 = 0.001;
 /// A scene is solid when its triangles cover this share of their area.
 const SOLID_COVER: f64 = 0.95;
 
-/// Whether pictures of the soft scene are drawn.
+/// Condition for pictures of the soft scene.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -49,7 +49,7 @@ pub enum TeacherWhen {
     Off,
 }
 
-/// Whether pictures of the soft scene replace photos.
+/// Options of pictures that replace photos.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
@@ -82,10 +82,10 @@ trisplat_scene::default!(TeacherOptions);
     Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
 pub struct TeacherDetails {
-    /// How well the scene matches its soft pictures when each triangle is just made solid.
+    /// Similarity to the soft pictures when each triangle is just made solid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub softness: Option<Softness>,
-    /// Where it was drawn from.
+    /// Source of the viewpoints.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viewpoints: Option<ViewpointKind>,
     /// Pictures drawn.
@@ -146,7 +146,7 @@ pub fn teacher(
     Ok(Outcome::Changed(()))
 }
 
-/// Why a scene with photos needs no pictures of its own.
+/// Reason to skip the stage in a scene with photos.
 pub(super) const HAS_PHOTOS: &str = "there are photos, or pictures already";
 
 /// The soup of a soft scene, or why there is none.
@@ -167,8 +167,8 @@ pub(super) fn viewpoints(scene: &ImportedScene) -> Option<Viewpoints> {
     Some(viewpoints)
 }
 
-/// Where a mesh is seen from: the cameras of photos that its file names or, without any, places
-/// chosen by its first viewpoint. None without that.
+/// Cameras of the photos that a mesh's file stores or, without any, cameras chosen by its first
+/// viewpoint; none without that.
 pub(super) fn stored_cameras(scene: &ImportedScene) -> Vec<Camera> {
     let named = decode_cameras(&scene.provenance.cameras);
     let is_seen = scene.provenance.viewpoint.is_some_and(|first| first.is_possible());

@@ -11,13 +11,13 @@
 //! colours that are better by PSNR and by SSIM: PSNR alone prefers blur.
 
 use crate::refit::UnseenColors;
-use crate::views::{Scores, Views};
+use crate::views::{ViewScores, Views};
 use atlas::{Atlas, Layout, footprints};
-use best::Candidates;
+use best::PhotoCandidates;
 use charts::Charts;
 pub use options::{TextureDetail, TextureOptions, TextureWhen};
 use std::sync::Arc;
-use texels::{Adding, Texels};
+use texels::{PixelSelection, Texels};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::srgb_from_linear;
 use trisplat_scene::mesh::Mesh;
@@ -35,7 +35,7 @@ const USUAL_PHOTOS: f32 = 40.0;
 /// λ of what the best photo adds to the mean, px.
 const SHARP_FLATNESS: f32 = 0.2;
 
-/// What the texture is; empty when there is none.
+/// Measurements of the texture; empty when there is none.
 #[derive(
     Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -71,7 +71,7 @@ pub struct TextureDetails {
 }
 
 impl TextureDetails {
-    /// What held-out photos say of colours and texels; `None` when none were held out.
+    /// Scores of colours and texels on held-out photos; `None` when none were held out.
     pub fn comparison(&self) -> Option<String> {
         let before = self.psnr_before?;
         let after = self.psnr_after?;
@@ -82,14 +82,14 @@ impl TextureDetails {
         Some(format!("{before:.1} → {after:.1} dB{ssim} on held-out photos"))
     }
 
-    /// Whether held-out photos match the colours better by every measure.
+    /// True if held-out photos match the colours better by every measure.
     fn colors_are_better(&self) -> bool {
         let fell =
             |before: Option<f64>, after: Option<f64>| before.zip(after).is_some_and(|(b, a)| a < b);
         fell(self.psnr_before, self.psnr_after) && fell(self.ssim_before, self.ssim_after)
     }
 
-    /// What a user should know of the texture that was made.
+    /// Warning if the texture is worse than colours.
     pub fn warning(&self) -> Option<String> {
         let comparison = self.comparison().filter(|_| self.colors_are_better())?;
         Some(format!(
@@ -130,7 +130,7 @@ pub fn texture(
         };
         let (held_out, _) = views.held_out();
         let ssim = views.mean_scores(mesh, &held_out)?.ssim;
-        let of_own = psnr_of_own.map(|psnr| Scores { psnr, ssim });
+        let of_own = psnr_of_own.map(|psnr| ViewScores { psnr, ssim });
         let own = std::mem::replace(&mut mesh.colors, colors);
         let outcome = paint(mesh, views, &atlas, of_own, options, details, progress);
         mesh.colors = own;
@@ -153,7 +153,7 @@ fn paint(
     mesh: &mut Mesh,
     views: &mut Views,
     layout: &impl Layout,
-    before: Option<Scores>,
+    before: Option<ViewScores>,
     options: &TextureOptions,
     details: &mut TextureDetails,
     progress: &mut StageProgress<'_>,
@@ -166,13 +166,13 @@ fn paint(
     let flatness =
         |photos: usize| options.texture_flatness as f32 * USUAL_PHOTOS / photos.max(1) as f32;
     let painted = |texels: &Texels, flatness: f32| Some(textured(layout, texels.picture(flatness)));
-    let mut candidates = Candidates::new(mesh.face_count());
+    let mut candidates = PhotoCandidates::new(mesh.face_count());
     texels.add(
         mesh,
         views,
         layout,
         &others,
-        Adding::All(&mut candidates),
+        PixelSelection::All(&mut candidates),
         progress.part(0.1, 0.5),
     )?;
     if !held_out.is_empty() {
@@ -193,7 +193,7 @@ fn paint(
         views,
         layout,
         &held_out,
-        Adding::All(&mut candidates),
+        PixelSelection::All(&mut candidates),
         progress.part(0.6, 0.7),
     )?;
     let connected = !mesh.indices.is_empty();
@@ -211,7 +211,7 @@ fn paint(
         views,
         layout,
         &best.views(),
-        Adding::Best(&best),
+        PixelSelection::Best(&best),
         progress.part(0.7, 0.95),
     )?;
     texels.sharpen(layout, &best, SHARP_FLATNESS);

@@ -20,10 +20,10 @@ use trisplat_scene::ranges::{self, Called};
 use trisplat_scene::report::Outcome;
 use trisplat_scene::{Asset, Result, Tile};
 
-/// Maximum number of levels below the root: 4^12 tiles of the least size exceed 32-bit counts of triangles.
+/// Maximum number of levels below the root: 4^12 tiles of the smallest size exceed 32-bit counts of triangles.
 const MAX_LEVELS: u32 = 12;
 
-/// How the scene is cut into tiles.
+/// Options of cutting the scene into tiles.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TilesOptions {
@@ -87,7 +87,7 @@ pub fn tiles(
     let levels = std::mem::take(&mut asset.levels);
     let mut finest = asset.mesh.clone();
     finest.split_off(asset.scene_faces());
-    let cells = Cells::new(&centroids(&finest), 2 * levels.len() as u32);
+    let cells = TileCells::new(&centroids(&finest), 2 * levels.len() as u32);
     let meshes = std::iter::once(finest).chain(levels.into_iter().map(|level| level.mesh));
     let levels: Vec<Level> =
         meshes.enumerate().map(|(i, mesh)| Level::new(mesh, &cells, i as u32)).collect();
@@ -109,7 +109,7 @@ struct Level {
 }
 
 impl Level {
-    fn new(mesh: Mesh, cells: &Cells, level: u32) -> Self {
+    fn new(mesh: Mesh, cells: &TileCells, level: u32) -> Self {
         let cell = |(face, centroid)| (cells.of(centroid) >> (2 * level), face);
         let mut faces: Vec<(u64, u32)> = (0..).zip(centroids(&mesh)).map(cell).collect();
         faces
@@ -156,14 +156,14 @@ fn centroids(mesh: &Mesh) -> Vec<[f32; 3]> {
 /// The cells of a complete binary tree of cuts. The number of a cell is the path to it, one bit for
 /// each cut, with the first cut highest.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Cells {
+pub(super) struct TileCells {
     /// Axis and place of every cut; the cuts below cut i are 2 i + 1 and 2 i + 2. Points at a cut
     /// or above it are in the upper half.
     cuts: Vec<(u8, f32)>,
     depth: u32,
 }
 
-impl Cells {
+impl TileCells {
     /// Cuts `depth` times, each cell at the median of its points along the axis of their largest
     /// extent.
     pub(super) fn new(points: &[[f32; 3]], depth: u32) -> Self {
@@ -218,20 +218,20 @@ mod tests {
         let points: Vec<[f32; 3]> = (0..4096)
             .map(|i| [0, 1, 2].map(|k| rng.uniform(3 * i + k) * [5.0, 1.0, 0.1][k as usize]))
             .collect();
-        let cells = Cells::new(&points, 4);
+        let cells = TileCells::new(&points, 4);
         let mut counts = [0; 16];
         points.iter().for_each(|point| counts[cells.of(*point) as usize] += 1);
         assert!(counts.iter().all(|count| (250..=262).contains(count)), "{counts:?}");
         // The order of the points does not matter.
         let backwards: Vec<[f32; 3]> = points.iter().rev().copied().collect();
-        assert_eq!(Cells::new(&backwards, 4), cells);
+        assert_eq!(TileCells::new(&backwards, 4), cells);
     }
 
     #[test]
     fn equal_points_and_no_points_have_cells_too() {
-        assert_eq!(Cells::new(&[], 6).of([1.0; 3]), 0);
-        let cells = Cells::new(&[[1.0, 2.0, 3.0]; 50], 6);
+        assert_eq!(TileCells::new(&[], 6).of([1.0; 3]), 0);
+        let cells = TileCells::new(&[[1.0, 2.0, 3.0]; 50], 6);
         assert_eq!(cells.of([1.0, 2.0, 3.0]), cells.of([1.0, 2.0, 3.0]));
-        assert_eq!(Cells::new(&[[1.0; 3]; 9], 0).of([7.0; 3]), 0);
+        assert_eq!(TileCells::new(&[[1.0; 3]; 9], 0).of([7.0; 3]), 0);
     }
 }

@@ -7,11 +7,11 @@ use trisplat_scene::Rng;
 
 /// Number of groups.
 pub(super) const GROUPS: usize = 4;
-/// How far a corner is moved outwards and inwards, as shares of its distance from the middle of the
-/// opposite edge.
+/// Moves of a corner outwards and inwards, as shares of its distance from the middle of the opposite
+/// edge.
 const MOVES: [f32; 3] = [0.3, 0.3, -0.18];
-/// Largest sideways move, as a share of the opposite edge.
-const ASIDE: f32 = 0.25;
+/// Maximum sideways move, as a share of the opposite edge.
+const MAX_SIDEWAYS: f32 = 0.25;
 
 /// The group of a face in a round; it changes every round. `purpose` names the random sequence.
 pub(super) fn group_of(purpose: &str, face: u32, round: u32) -> u8 {
@@ -21,12 +21,13 @@ pub(super) fn group_of(purpose: &str, face: u32, round: u32) -> u8 {
 /// The triangle with one of its corners moved; corner and move depend only on the face and the
 /// round.
 pub(super) fn with_moved_corner(mut corners: [Vec3; 3], face: u32, round: u32) -> [Vec3; 3] {
-    let which = (Rng::new(0, "corner", 0).bits(face.into()) % 3 + u64::from(round)) as usize % 3;
-    let across = (corners[(which + 1) % 3] + corners[(which + 2) % 3]) / 2.0;
-    let edge = corners[(which + 1) % 3] - corners[(which + 2) % 3];
+    let corner = (Rng::new(0, "corner", 0).bits(face.into()) % 3 + u64::from(round)) as usize % 3;
+    let across = (corners[(corner + 1) % 3] + corners[(corner + 2) % 3]) / 2.0;
+    let edge = corners[(corner + 1) % 3] - corners[(corner + 2) % 3];
     let draw = Rng::new(0, "move", round.into());
     let [out, aside] = [0, 1].map(|k| draw.uniform(2 * u64::from(face) + k));
     let out = MOVES[((out * MOVES.len() as f32) as usize).min(MOVES.len() - 1)];
-    corners[which] += (corners[which] - across) * out + edge * (ASIDE * (2.0 * aside - 1.0));
+    corners[corner] +=
+        (corners[corner] - across) * out + edge * (MAX_SIDEWAYS * (2.0 * aside - 1.0));
     corners
 }

@@ -32,14 +32,14 @@ const MIN_UNMASKED_SHARE_OF_OBJECT: f32 = 0.5;
 const CURVE_VIEWS: usize = 12;
 /// With `max_error`, at least about one triangle in this many stays.
 const FEWEST: usize = 64;
-/// Progress of a decimation when visibility is known, and ...
+/// Progress of a decimation when visibility is known.
 const DRAWING_PART: f64 = 0.1;
-/// ... when corners begin to move.
+/// Progress of a decimation when corners begin to move.
 const MOVING_PART: f64 = 0.3;
 /// Halvings of the interval that contains the cut.
 const CURVE_STEPS: usize = 9;
 
-/// Which triangles the photos need.
+/// Options of removing triangles that photos do not show.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct UnseenOptions {
@@ -73,7 +73,7 @@ pub struct UnseenDetails {
     /// Triangles that no camera sees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seen_by_none: Option<u64>,
-    /// How many of those lie outside every picture.
+    /// Triangles among these that lie outside every picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outside: Option<u64>,
     /// Triangles dropped because photos see them nearly only in masked pixels, or mostly beside an
@@ -100,12 +100,12 @@ pub struct CurvePoint {
     pub psnr: f64,
 }
 
-/// How many faces may stay.
+/// Limit on the faces that stay.
 #[derive(Debug, Clone, Default)]
 pub struct FaceLimit {
-    /// Largest number of faces kept: the most important ones. None: no limit.
+    /// Maximum number of faces, the most important ones; `None`: no limit.
     pub max_faces: Option<u64>,
-    /// Faces that stay unchanged even if unseen; fewer than may stay, and empty for none. `[F]`
+    /// Faces exempt from removal, fewer than `max_faces`; empty: none. `[F]`
     pub protected: Vec<bool>,
 }
 
@@ -129,16 +129,19 @@ pub fn unseen(
     if let (None, Some(db)) = (&views, options.max_error) {
         return Err(Error::invalid("max_error", db, "`dataset`: error is measured on photos"));
     }
-    let most = limit
+    let max_faces = limit
         .max_faces
-        .map_or(usize::MAX, |most| usize::try_from(most).unwrap_or(usize::MAX).max(1));
-    if let Some(why) = nothing_to_do(mesh, cameras, options, most) {
+        .map_or(usize::MAX, |count| usize::try_from(count).unwrap_or(usize::MAX).max(1));
+    if let Some(why) = skip_reason(mesh, cameras, options, max_faces) {
         return Ok(Outcome::Skipped(why));
     }
-    let chooses = views.is_some() || mesh.face_count() > most;
+    let chooses = views.is_some() || mesh.face_count() > max_faces;
     let samples = if chooses { SAMPLES } else { SAMPLES_AT_LEAST };
-    let decides_at =
-        if mesh.face_count() > most || options.max_error.is_some() { DRAWING_PART } else { 1.0 };
+    let decides_at = if mesh.face_count() > max_faces || options.max_error.is_some() {
+        DRAWING_PART
+    } else {
+        1.0
+    };
     let visible_area = visible_px(mesh, cameras, samples, progress.part(0.0, decides_at));
     let mut ranked = rank_by_visibility(mesh, &visible_area);
     let visible = ranked.partition_point(|&f| visible_area[f as usize] > 0.0);
@@ -168,7 +171,7 @@ pub fn unseen(
         ranked[seen..visible + kept_unseen].rotate_left(visible - seen);
     }
     let [seen, needed] = protected_first(&mut ranked, &limit.protected, [seen, needed]);
-    let mut keep = needed.min(most);
+    let mut keep = needed.min(max_faces);
     let decimates = keep < seen || options.max_error.is_some();
     let mut decimation =
         decimates.then(|| Decimation::new(mesh, cameras).protecting(&limit.protected));
@@ -259,17 +262,18 @@ fn outside_first(mesh: &Mesh, cameras: &[Camera], faces: &mut [u32]) -> usize {
     outside.iter().filter(|out| **out).count()
 }
 
-/// Why there is nothing to do, if this is known before drawing. At most `most` triangles may stay.
-fn nothing_to_do(
+/// Reason to skip the stage that needs no drawing. At most `max_faces` triangles may stay.
+fn skip_reason(
     mesh: &Mesh,
     cameras: &[Camera],
     options: &UnseenOptions,
-    most: usize,
+    max_faces: usize,
 ) -> Option<&'static str> {
     if cameras.is_empty() {
         return Some("it needs cameras: from photos (`dataset`), or stored in the soup");
     }
-    let keeps_all = options.keep_unseen && options.max_error.is_none() && mesh.face_count() <= most;
+    let keeps_all =
+        options.keep_unseen && options.max_error.is_none() && mesh.face_count() <= max_faces;
     keeps_all.then_some("`keep_unseen`")
 }
 
@@ -287,7 +291,7 @@ fn rank_by_visibility(mesh: &Mesh, visible_area: &[f32]) -> Vec<u32> {
     ranked
 }
 
-/// How many of `ranked` must stay for a PSNR on the photos at most `db` below that of all.
+/// Number of `ranked` faces that must stay for a PSNR on the photos at most `db` below that of all.
 fn fewest_within(
     mesh: &Mesh,
     views: &mut Views,

@@ -9,7 +9,7 @@ use trisplat_scene::Asset;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::report::Outcome;
 
-/// What was chosen.
+/// The chosen viewpoint.
 #[derive(
     Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]

@@ -20,14 +20,14 @@ const NEAR: f32 = 0.01;
 pub const SAMPLES: u32 = 2;
 /// Pictures covered to this share show surroundings, not an object.
 const SURROUNDED: f64 = 0.9;
-/// One photo in this many is held out when a stage evaluates what it fits, and ...
+/// One photo in this many is held out when a stage evaluates its fit.
 const EVALUATION_EVERY: usize = 8;
-/// ... at most these.
+/// Maximum number of held-out photos.
 const MAX_EVALUATION_VIEWS: usize = 24;
 
-/// How close a scene comes to photos.
+/// Similarity of a scene to photos.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scores {
+pub(crate) struct ViewScores {
     /// Mean PSNR, dB.
     pub psnr: f64,
     /// Mean SSIM.
@@ -55,7 +55,7 @@ pub struct Views {
     pub(crate) tracked: Option<Vec<Vec<(u32, Vec2)>>>,
     /// The photos' corrections; empty for none.
     exposures: Exposures,
-    /// The scene is a part of what they show.
+    /// The scene is a part of what the photos show.
     part: bool,
 }
 
@@ -178,7 +178,7 @@ impl Views {
         &self.points
     }
 
-    /// How the photos' cameras draw `mesh`: see `drawing`.
+    /// Options by which the photos' cameras draw `mesh`: see `drawing`.
     pub fn drawing(&self, mesh: &Mesh, samples: u32) -> SolidRasterOptions {
         SolidRasterOptions { background: self.background, ..drawing(&self.cameras, mesh, samples) }
     }
@@ -263,7 +263,7 @@ impl Views {
     }
 
     /// Mean PSNR and SSIM, likewise.
-    pub fn mean_scores(&mut self, mesh: &Mesh, chosen: &[usize]) -> Result<Scores> {
+    pub(crate) fn mean_scores(&mut self, mesh: &Mesh, chosen: &[usize]) -> Result<ViewScores> {
         let [psnr, ssim] = self.mean(mesh, chosen, |photo, drawn| {
             let weights = photo.alpha.as_deref();
             [
@@ -271,7 +271,7 @@ impl Views {
                 metric::ssim(photo.size, &photo.rgb, &drawn.rgb, weights),
             ]
         })?;
-        Ok(Scores { psnr, ssim })
+        Ok(ViewScores { psnr, ssim })
     }
 
     /// The mean of what `measure` says of each photo of `chosen` and of `mesh` drawn like it.
@@ -325,7 +325,7 @@ fn covered(photo: &RgbImage, seen: &Visibility) -> Option<RgbImage> {
     alpha.iter().any(|alpha| *alpha > 0).then(|| RgbImage { alpha: Some(alpha), ..photo.clone() })
 }
 
-/// How `cameras` draw `mesh`: with the near plane a hundredth of the way to its middle, and a black
+/// Options by which `cameras` draw `mesh`: with the near plane a hundredth of the way to its middle, and a black
 /// background.
 pub(crate) fn drawing(cameras: &[Camera], mesh: &Mesh, samples: u32) -> SolidRasterOptions {
     let count = mesh.vertex_count().max(1);

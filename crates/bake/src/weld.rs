@@ -21,7 +21,7 @@ pub enum WeldWhen {
     Off,
 }
 
-/// Whether equal corners become one vertex.
+/// Options of merging equal corners into one vertex.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WeldOptions {

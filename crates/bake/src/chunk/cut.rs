@@ -1,4 +1,4 @@
-//! Where faces are cut into compact runs.
+//! Cuts of faces into compact runs.
 
 use glam::{Vec3, Vec3A, Vec4};
 use trisplat_scene::Chunk;
@@ -19,7 +19,7 @@ use trisplat_scene::parallel::{self, GRAIN};
 /// large for their neighbourhood, so that the rest is compact.
 pub(crate) fn cut(mesh: &Mesh, faces: usize, limit: usize) -> (Vec<u32>, Vec<Chunk>) {
     let parts = if faces > TREE_SAMPLE {
-        Tree::new(mesh, faces, limit).parts(mesh, faces)
+        CutTree::new(mesh, faces, limit).parts(mesh, faces)
     } else {
         vec![(0..faces as u32).collect()]
     };
@@ -28,8 +28,8 @@ pub(crate) fn cut(mesh: &Mesh, faces: usize, limit: usize) -> (Vec<u32>, Vec<Chu
         if part.len() <= limit {
             (vec![part.len() as u32], part)
         } else {
-            let mut items: Vec<Item> =
-                parallel::collect(part.len(), GRAIN, |i| Item::new(mesh, part[i]));
+            let mut items: Vec<FaceItem> =
+                parallel::collect(part.len(), GRAIN, |i| FaceItem::new(mesh, part[i]));
             let counts = split(&mut items, limit);
             (counts, items.iter().map(|item| item.face).collect())
         }
@@ -45,15 +45,15 @@ pub(crate) fn cut(mesh: &Mesh, faces: usize, limit: usize) -> (Vec<u32>, Vec<Chu
 
 /// Cuts chosen by a sample of the faces, for scenes of more faces than that: then each face is
 /// looked at once, not once per level.
-struct Tree {
-    nodes: Vec<Node>,
+struct CutTree {
+    nodes: Vec<CutNode>,
     depth: usize,
     parts: usize,
 }
 
 /// A cut and its sides, or a part, whose sides are itself.
 #[derive(Clone, Copy)]
-struct Node {
+struct CutNode {
     cut: Cut,
     /// Nodes to the left and right.
     sides: [u32; 2],
@@ -69,11 +69,12 @@ const TREE_FILL: f64 = 0.95;
 /// Items that go down the tree at once.
 const ABREAST: usize = 8;
 
-impl Tree {
+impl CutTree {
     fn new(mesh: &Mesh, faces: usize, limit: usize) -> Self {
         let step = faces.div_ceil(TREE_SAMPLE);
-        let mut sample =
-            parallel::collect(faces.div_ceil(step), GRAIN, |i| Item::new(mesh, (i * step) as u32));
+        let mut sample = parallel::collect(faces.div_ceil(step), GRAIN, |i| {
+            FaceItem::new(mesh, (i * step) as u32)
+        });
         let mut tree = Self { nodes: Vec::new(), depth: 0, parts: 0 };
         let filled = ((TREE_FILL * limit as f64) as usize).max(1);
         tree.grow(&mut sample, step, filled, 0);
@@ -82,10 +83,10 @@ impl Tree {
 
     /// Adds the nodes of a sample; returns the first one's number. Each item stands for `weight`
     /// faces.
-    fn grow(&mut self, sample: &mut [Item], weight: usize, limit: usize, depth: usize) -> u32 {
+    fn grow(&mut self, sample: &mut [FaceItem], weight: usize, limit: usize, depth: usize) -> u32 {
         let at = self.nodes.len() as u32;
         self.depth = self.depth.max(depth);
-        self.nodes.push(Node { cut: Cut::NONE, sides: [at; 2], part: self.parts as u32 });
+        self.nodes.push(CutNode { cut: Cut::NONE, sides: [at; 2], part: self.parts as u32 });
         let fits = sample.len() * weight <= limit;
         let Some(cut) = (!fits).then(|| best_cut(sample, weight, limit)).flatten() else {
             self.parts += 1;
@@ -94,7 +95,7 @@ impl Tree {
         let middle = partition(sample, |item| cut.is_left(item.place().to_array()));
         let (left, right) = sample.split_at_mut(middle);
         let sides = [left, right].map(|side| self.grow(side, weight, limit, depth + 1));
-        self.nodes[at as usize] = Node { cut, sides, part: 0 };
+        self.nodes[at as usize] = CutNode { cut, sides, part: 0 };
         at
     }
 
@@ -113,7 +114,8 @@ impl Tree {
 
     /// The faces of every part that has any, in their order.
     fn parts(&self, mesh: &Mesh, faces: usize) -> Vec<Vec<u32>> {
-        let place = |face: usize| Item::new(mesh, face.min(faces - 1) as u32).place().to_array();
+        let place =
+            |face: usize| FaceItem::new(mesh, face.min(faces - 1) as u32).place().to_array();
         let of = parallel::collect(faces.div_ceil(ABREAST), GRAIN / ABREAST, |block| {
             self.parts_of(std::array::from_fn(|i| place(block * ABREAST + i)))
         });
@@ -129,7 +131,7 @@ impl Tree {
 /// A face reduced to its box and size.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(16))]
-struct Item {
+struct FaceItem {
     min: Vec3,
     face: u32,
     max: Vec3,
@@ -137,7 +139,7 @@ struct Item {
     level: f32,
 }
 
-impl Item {
+impl FaceItem {
     fn new(mesh: &Mesh, face: u32) -> Self {
         let [a, b, c] = mesh.corners(face as usize);
         let min = a.min(b).min(c);
@@ -158,7 +160,7 @@ const BINS: usize = 32;
 const SAMPLE: usize = 1 << 14;
 
 /// Sorts the items into parts; returns the number of items in each part, in order.
-fn split(items: &mut [Item], limit: usize) -> Vec<u32> {
+fn split(items: &mut [FaceItem], limit: usize) -> Vec<u32> {
     if items.len() <= limit {
         items.sort_unstable_by_key(|item| item.face);
         return vec![items.len() as u32];
@@ -174,7 +176,7 @@ fn split(items: &mut [Item], limit: usize) -> Vec<u32> {
 }
 
 /// Moves the items for which `is_left` to the front; returns how many.
-fn partition(items: &mut [Item], is_left: impl Fn(&Item) -> bool) -> usize {
+fn partition(items: &mut [FaceItem], is_left: impl Fn(&FaceItem) -> bool) -> usize {
     let mut middle = 0;
     for i in 0..items.len() {
         if is_left(&items[i]) {
@@ -193,9 +195,9 @@ struct BinGrid {
 }
 
 impl BinGrid {
-    fn around<'a>(items: impl Iterator<Item = &'a Item>) -> Self {
+    fn around<'a>(items: impl Iterator<Item = &'a FaceItem>) -> Self {
         let none = (Vec4::INFINITY, Vec4::NEG_INFINITY);
-        let (lo, hi) = items.map(Item::place).fold(none, |(lo, hi), p| (lo.min(p), hi.max(p)));
+        let (lo, hi) = items.map(FaceItem::place).fold(none, |(lo, hi), p| (lo.min(p), hi.max(p)));
         Self { origin: lo, scale: BINS as f32 / (hi - lo) }
     }
 
@@ -212,7 +214,7 @@ struct Cut {
     axis: usize,
     origin: f32,
     scale: f32,
-    /// That bin and one.
+    /// Index of the bin plus one.
     end: f32,
 }
 
@@ -225,7 +227,7 @@ impl Cut {
         Self { axis, origin: grid.origin[axis], scale: grid.scale[axis], end: (bin + 1) as f32 }
     }
 
-    /// Whether a place is in that bin or one before; NaN is in the first.
+    /// True if a place is in the bin or one before; NaN is in the first.
     fn is_left(&self, place: [f32; 4]) -> bool {
         let bins = (place[self.axis] - self.origin) * self.scale;
         bins < self.end || bins.is_nan()
@@ -260,7 +262,7 @@ impl BinBox {
 
 /// The cheapest cut with something on both sides, if there is one; each item stands for `weight`
 /// faces.
-fn best_cut(items: &[Item], weight: usize, limit: usize) -> Option<Cut> {
+fn best_cut(items: &[FaceItem], weight: usize, limit: usize) -> Option<Cut> {
     let step = items.len().div_ceil(SAMPLE);
     let grid = BinGrid::around(items.iter().step_by(step));
     let bins = fill(items.iter().step_by(step), weight * step, &grid);
@@ -294,7 +296,7 @@ fn best_cut(items: &[Item], weight: usize, limit: usize) -> Option<Cut> {
 
 /// The bins of all axes, each item standing for `weight` of them.
 fn fill<'a>(
-    items: impl Iterator<Item = &'a Item>,
+    items: impl Iterator<Item = &'a FaceItem>,
     weight: usize,
     grid: &BinGrid,
 ) -> [[BinBox; BINS]; 4] {
@@ -333,8 +335,9 @@ mod tests {
     fn cost(mesh: &Mesh, order: &[u32], chunks: &[Chunk]) -> f64 {
         let of = |chunk: &Chunk| {
             let faces = &order[chunk.first as usize..][..chunk.count as usize];
-            let items = faces.iter().map(|face| Item::new(mesh, *face));
-            let one = |item: Item| BinBox { min: item.min.into(), max: item.max.into(), count: 1 };
+            let items = faces.iter().map(|face| FaceItem::new(mesh, *face));
+            let one =
+                |item: FaceItem| BinBox { min: item.min.into(), max: item.max.into(), count: 1 };
             items.map(one).fold(BinBox::EMPTY, BinBox::union).cost(1)
         };
         chunks.iter().map(of).sum()
@@ -356,7 +359,8 @@ mod tests {
                 "faces keep their order"
             );
         }
-        let mut items: Vec<Item> = (0..faces as u32).map(|face| Item::new(&mesh, face)).collect();
+        let mut items: Vec<FaceItem> =
+            (0..faces as u32).map(|face| FaceItem::new(&mesh, face)).collect();
         let counts = split(&mut items, limit);
         let starts = counts.iter().scan(0, |first, count| {
             *first += count;

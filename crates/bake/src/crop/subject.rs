@@ -5,7 +5,7 @@
 //! connected above it around the middle is the object; what is beside, behind and below is left
 //! out, except the support within a hand's breadth, cut along a polygon.
 
-use super::volume::{Frame, Outline, Piece, REACH, SubjectVolume, Support};
+use super::volume::{BallFrame, GroundTriangle, Outline, REACH, SubjectVolume, Support};
 use crate::place::ground::Foreground;
 use crate::place::up::{Confidence, Evidence, estimate, facing};
 use glam::{DVec3, IVec3, Vec2, Vec3};
@@ -25,7 +25,7 @@ const LONGEST: f32 = 1.0;
 const MAX_PICTURES: usize = 48;
 /// ... their longer side, px, ...
 const SIDE: u32 = 320;
-/// ... and their near plane, in radii.
+/// Near plane of these pictures, in radii.
 const NEAR: f32 = 0.05;
 /// Factor between the balls in which something is looked for.
 const GROWTH: f32 = 1.189_207_1;
@@ -33,23 +33,23 @@ const GROWTH: f32 = 1.189_207_1;
 const WIDTH: usize = 4;
 /// A share of the area in view that is all of it.
 const ALL: f32 = 0.9;
-/// What ends within this share of the reach upwards, ...
+/// Maximum height of a whole thing, as a share of the reach.
 const ENDS: f32 = 0.9;
-/// ... and within this one on the ground, is whole.
+/// Maximum radius on the ground of a whole thing, as a share of the reach.
 const ENDS_ACROSS: f32 = 0.75;
-/// What is smaller, in radii, is a part of the subject.
+/// Minimum radius of a subject, in radii: smaller things are parts of it.
 const MIN_SIZE: f32 = 0.25;
 /// The lowest layer with at least this share of the largest is the support.
 const COMPARABLE: f32 = 0.5;
-/// A support ends where a layer has less than this share of its area ...
+/// A support ends where a layer has less than this share of its area.
 const FADES: f32 = 0.25;
-/// ... and has at most this number of layers on each side.
+/// Maximum number of layers of a support on each side.
 const MAX_LAYERS: usize = 6;
 /// Thickness of the support, in radii.
 const LAYER: f32 = 0.06;
-/// The support is below this height above the middle, in radii ...
+/// Maximum height of the support above the middle, in radii.
 const SUPPORT_BELOW: f32 = 0.3;
-/// ... and has at least this share of the area.
+/// Minimum share of the area that a support has.
 const MIN_SUPPORT_AREA: f32 = 0.1;
 /// Cells by which connected parts are found, per radius.
 const CELLS: f32 = 14.0;
@@ -58,23 +58,24 @@ const CORE: f32 = 0.6;
 /// Parts with less than this share of the object's area are crumbs.
 const CRUMB: f32 = 0.05;
 
-/// Which triangles of `scene` are the subject, and the space they take; `None` when nothing stands
+/// True for the triangles of `scene` that are the subject, and its volume; `None` when nothing stands
 /// out. `up` is that of its file, if it names one.
 pub(super) fn subject(
     scene: &Scene,
     cameras: &[Camera],
     up: Option<UpAxis>,
 ) -> Option<(Vec<bool>, SubjectVolume)> {
-    let Standing { frame, pieces, support, object, outline } = find(scene, cameras, up)?;
+    let StandingObject { frame, pieces, support, object, outline } = find(scene, cameras, up)?;
     let mut volume = SubjectVolume { frame, outline, support, edge: 1.0 };
-    // The object, and the support around it: what else is within floats.
+    // The object, and the support around it: other triangles inside float.
     let is_near = |at: Vec3| {
         at.z >= volume.low() && support.is_some_and(|support| at.z < support.high + LAYER)
     };
-    let is_flat =
-        |piece: &Piece| piece.longest() < LONGEST || piece.corners.into_iter().all(is_near);
+    let is_flat = |piece: &GroundTriangle| {
+        piece.longest() < LONGEST || piece.corners.into_iter().all(is_near)
+    };
     let is_level =
-        |piece: &&Piece| volume.is_level(piece) && is_near(piece.middle) && is_flat(piece);
+        |piece: &&GroundTriangle| volume.is_level(piece) && is_near(piece.middle) && is_flat(piece);
     let level = || pieces.iter().filter(is_level);
     let both = || object.iter().chain(level());
     let mut belongs = vec![false; scene.triangle_count()];
@@ -82,7 +83,7 @@ pub(super) fn subject(
     // A trained support has holes far from the middle, where fewer photos look.
     volume.edge = volume.edge_of(both());
     let within = |i: usize| match scene {
-        // What a soup's triangles have beyond the edge is cut off.
+        // A soup's triangles are cut at the edge.
         Scene::Soup(_) => !volume.parts(scene.corners(i)).is_empty(),
         Scene::Mesh(_) => volume.parts(scene.corners(i)) == [scene.corners(i)],
     };
@@ -90,8 +91,8 @@ pub(super) fn subject(
     Some((keep, volume))
 }
 
-/// What stands out: the thing in the middle of the pictures of `cameras`, or what they show there.
-fn find(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> Option<Standing> {
+/// Find the thing in the middle of the pictures of `cameras`, or else all that they show there.
+fn find(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> Option<StandingObject> {
     let count = scene.triangle_count();
     let middle = |i: usize| centroid(scene.corners(i));
     let middles: Vec<Vec3> = (0..count).filter(|i| !scene.is_shell(*i)).map(middle).collect();
@@ -105,10 +106,11 @@ fn find(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> Option<Standin
     let areas = seen(&mesh, cameras, ball);
     let ways = ways(&mesh, cameras, up);
     let looked_at = looked_at(cameras);
-    let standing = |(ball, way)| Standing::new(scene, &areas, Frame::new(ball, way));
+    let standing = |(ball, way)| StandingObject::new(scene, &areas, BallFrame::new(ball, way));
     // Only what hangs from something is on a wall.
-    let is_whole =
-        |found: &Standing, way: usize| found.is_whole() && (found.support.is_some() || way == 0);
+    let is_whole = |found: &StandingObject, way: usize| {
+        found.is_whole() && (found.support.is_some() || way == 0)
+    };
     let mut middle = None;
     for (size, ball) in looked_at.iter().enumerate() {
         for (number, way) in ways.iter().enumerate() {
@@ -119,11 +121,11 @@ fn find(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> Option<Standin
             middle = if (size, number) == (WIDTH, 0) { found } else { middle };
         }
     }
-    // What ends nowhere is cut out as photos show it, unless it is all that they show.
+    // A thing without an end is cut out as photos show it, unless it is all that they show.
     let all: f32 = areas.iter().sum();
     let reached = standing((ball, *ways.first()?));
     let reached = reached.filter(|found| looked_at.is_empty() || found.sees() > ALL * all);
-    reached.or_else(|| middle.map(Standing::cut))
+    reached.or_else(|| middle.map(StandingObject::cut))
 }
 
 /// Balls around the point that `cameras` look at: from a quarter of the width of most pictures
@@ -181,24 +183,24 @@ fn ways(mesh: &Mesh, cameras: &[Camera], known: Option<UpAxis>) -> Vec<DVec3> {
     std::iter::once(up).chain(wall).collect()
 }
 
-/// What stands out in a ball.
-struct Standing {
-    frame: Frame,
-    pieces: Vec<Piece>,
+/// The object in a ball, and the surface that it stands on.
+struct StandingObject {
+    frame: BallFrame,
+    pieces: Vec<GroundTriangle>,
     support: Option<Support>,
-    object: Vec<Piece>,
+    object: Vec<GroundTriangle>,
     outline: Outline,
 }
 
-impl Standing {
-    fn new(scene: &Scene, areas: &[f32], frame: Frame) -> Option<Self> {
+impl StandingObject {
+    fn new(scene: &Scene, areas: &[f32], frame: BallFrame) -> Option<Self> {
         let inner = (0..scene.triangle_count()).filter(|i| !scene.is_shell(*i)).zip(areas);
-        let pieces: Vec<Piece> =
+        let pieces: Vec<GroundTriangle> =
             inner.filter_map(|(i, area)| frame.piece(i, scene.corners(i), *area)).collect();
         let support = support(&pieces);
-        let is_level = |piece: &Piece| support.is_some_and(|support| support.holds(piece));
-        let stands = |piece: &&Piece| piece.longest() < LONGEST && !is_level(piece);
-        let standing: Vec<Piece> = pieces.iter().filter(stands).copied().collect();
+        let is_level = |piece: &GroundTriangle| support.is_some_and(|support| support.holds(piece));
+        let stands = |piece: &&GroundTriangle| piece.longest() < LONGEST && !is_level(piece);
+        let standing: Vec<GroundTriangle> = pieces.iter().filter(stands).copied().collect();
         let object = object(&standing)?;
         let outline = Outline::new(&object)?;
         Some(Self { frame, pieces, support, object, outline })
@@ -218,7 +220,7 @@ impl Standing {
         self
     }
 
-    /// Whether it ends within the ball, and is no mere part of what is in the middle.
+    /// True if it ends within the ball, and is no mere part of the thing in the middle.
     fn is_whole(&self) -> bool {
         let outline = &self.outline;
         let ends = outline.far() < ENDS_ACROSS * REACH && outline.top < ENDS * REACH;
@@ -227,7 +229,7 @@ impl Standing {
 }
 
 /// The layer with most area, if it has enough.
-fn support(pieces: &[Piece]) -> Option<Support> {
+fn support(pieces: &[GroundTriangle]) -> Option<Support> {
     let within = pieces.iter().filter(|piece| piece.longest() < LONGEST);
     let mut heights: Vec<(f32, f32)> = within.map(|piece| (piece.middle.z, piece.seen)).collect();
     heights.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -272,11 +274,11 @@ fn support(pieces: &[Piece]) -> Option<Support> {
 }
 
 /// The connected part around the middle, and others that are large.
-fn object(standing: &[Piece]) -> Option<Vec<Piece>> {
+fn object(standing: &[GroundTriangle]) -> Option<Vec<GroundTriangle>> {
     let cell = |at: Vec3| (at * CELLS).floor().as_ivec3();
     let mut numbers: HashMap<IVec3, u32> = HashMap::new();
     let mut cells: Vec<IVec3> = Vec::new();
-    for at in standing.iter().flat_map(Piece::places) {
+    for at in standing.iter().flat_map(GroundTriangle::places) {
         numbers.entry(cell(at)).or_insert_with(|| {
             cells.push(cell(at));
             cells.len() as u32 - 1
@@ -296,7 +298,7 @@ fn object(standing: &[Piece]) -> Option<Vec<Piece>> {
             }
         }
     }
-    // What is seen of each part, and of that around the middle.
+    // Visible area of each part, and of the part of it around the middle.
     let mut areas = vec![(0.0f32, 0.0f32); cells.len()];
     let part: Vec<usize> =
         standing.iter().map(|piece| sets.first(numbers[&cell(piece.middle)]) as usize).collect();

@@ -1,4 +1,4 @@
-//! The space that a subject and its support take, and what of a scene is in it.
+//! The volume of a subject and its support, and the triangles in it.
 
 use glam::{DVec3, Vec2, Vec3};
 use trisplat_raster::framing::Subject;
@@ -6,29 +6,29 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::math::geometry::centroid;
 use trisplat_scene::math::lists::median;
 
-/// What is farther from the middle than this many radii of the subject's ball is not looked at.
+/// Maximum distance of triangles from the middle, in radii of the subject's ball.
 pub(super) const REACH: f32 = 1.6;
 /// Longest side of a triangle that is in the cells of its corners too, in radii: longer ones reach
 /// from one thing to another.
 const JOINED: f32 = 0.5;
-/// A hand's breadth, in radii of the object.
-const HAND: f32 = 0.12;
+/// Margin kept around the object, in object radii.
+const MARGIN: f32 = 0.12;
 /// Share of the object that is within each of its sides: some triangles lie astray.
 const WITHIN: f32 = 0.99;
 
 /// A triangle, in heights and places on the ground around the middle of the subject's ball, whose
 /// radius is 1.
 #[derive(Clone, Copy)]
-pub(super) struct Piece {
+pub(super) struct GroundTriangle {
     pub(super) number: usize,
     pub(super) corners: [Vec3; 3],
     pub(super) middle: Vec3,
     area: f32,
-    /// What cameras see of that.
+    /// Area that cameras see.
     pub(super) seen: f32,
 }
 
-impl Piece {
+impl GroundTriangle {
     /// Its longest side.
     pub(super) fn longest(&self) -> f32 {
         let [a, b, c] = self.corners;
@@ -45,26 +45,27 @@ impl Piece {
 /// Sides of an outline.
 const SIDES: usize = 32;
 
-/// What a subject stands on, or hangs from.
+/// The surface that a subject stands on, or hangs from.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Support {
     pub(super) height: f32,
-    /// What is between these is part of it: trained walls are rough, and cloth has folds.
+    /// Lowest height: trained walls are rough, and cloth has folds.
     pub(super) low: f32,
+    /// Highest height.
     pub(super) high: f32,
 }
 
 /// The space that the subject and its support take.
 pub(crate) struct SubjectVolume {
-    pub(super) frame: Frame,
+    pub(super) frame: BallFrame,
     pub(super) outline: Outline,
     pub(super) support: Option<Support>,
-    /// Where the support of the scene ends, as a share of the outline.
+    /// Radius at which the support of the scene ends, as a share of the outline.
     pub(super) edge: f32,
 }
 
 impl Support {
-    pub(super) fn holds(&self, piece: &Piece) -> bool {
+    pub(super) fn holds(&self, piece: &GroundTriangle) -> bool {
         piece.middle.z < self.high
     }
 }
@@ -73,9 +74,10 @@ impl Support {
 const RINGS: usize = 20;
 /// A ring is whole when this share of it is covered.
 const WHOLE: f32 = 0.95;
-/// A soup's support ends where less than this share of it is there ...
+/// Minimum covered share of a soup's support out to its edge.
 const MIN_SUPPORT_SHARE: f32 = 0.75;
-/// ... and is left out where that is nearer than this share of the outline: it looks like crumbs.
+/// Minimum distance of that edge, as a share of the outline: smaller supports look like crumbs and
+/// are left out.
 const MIN_EDGE_DISTANCE: f32 = 0.5;
 /// Number of cells along the radius of the ground disc.
 const CELLS_OF_SUPPORT: usize = 40;
@@ -93,25 +95,26 @@ impl SubjectVolume {
         Some(f64::from(ball.radius * outline.radius() / away))
     }
 
-    /// Which faces of a surface are within it, `corners` of the i-th; the support ends at its last
-    /// whole ring. `[F]`
+    /// True for the faces of a surface inside the volume, `corners` of the i-th; the support ends at
+    /// its last whole ring. `[F]`
     pub(crate) fn faces(&self, count: usize, corners: impl Fn(usize) -> [Vec3; 3]) -> Vec<bool> {
         let within = |face: usize| {
             let piece = self.frame.piece(face, corners(face), 0.0)?;
             let above = piece.corners.iter().all(|corner| corner.z > self.low());
             (above && self.outline.holds(&piece)).then_some(piece)
         };
-        let pieces: Vec<Piece> = (0..count).filter_map(within).collect();
+        let pieces: Vec<GroundTriangle> = (0..count).filter_map(within).collect();
         let level = pieces.iter().filter(|piece| self.is_level(piece));
         let last = self.rings(level).iter().rposition(|[there, all]| *there >= WHOLE * all);
         let edge = last.map_or(1.0, |ring| (ring + 1) as f32 / RINGS as f32);
         let mut keep = vec![false; count];
-        let stays = |piece: &&Piece| !self.is_level(piece) || self.outline.farthest(piece) <= edge;
+        let stays =
+            |piece: &&GroundTriangle| !self.is_level(piece) || self.outline.farthest(piece) <= edge;
         pieces.iter().filter(stays).for_each(|piece| keep[piece.number] = true);
         keep
     }
 
-    /// The parts of a triangle that are within it: cut where it reaches over the edge, none where
+    /// The parts of a triangle inside the volume: cut where it reaches over the edge, none where
     /// all of it is outside.
     pub(super) fn parts(&self, corners: [Vec3; 3]) -> Vec<[Vec3; 3]> {
         let Some(piece) = self.frame.piece(0, corners, 0.0) else { return Vec::new() };
@@ -141,13 +144,13 @@ impl SubjectVolume {
         self.support.map_or(f32::NEG_INFINITY, |support| support.low)
     }
 
-    pub(super) fn is_level(&self, piece: &Piece) -> bool {
+    pub(super) fn is_level(&self, piece: &GroundTriangle) -> bool {
         self.support.is_some_and(|support| support.holds(piece))
     }
 
-    /// How far from the middle, as a share of the outline, most of what `pieces` cover is there; 0
-    /// where that is little.
-    pub(super) fn edge_of<'a>(&self, pieces: impl Iterator<Item = &'a Piece>) -> f32 {
+    /// Radius, as a share of the outline, within which `pieces` cover most of the ground; 0 if it is
+    /// small.
+    pub(super) fn edge_of<'a>(&self, pieces: impl Iterator<Item = &'a GroundTriangle>) -> f32 {
         let mut sums = [0.0, 0.0];
         let is_there = self.rings(pieces).map(|ring| {
             sums = [0, 1].map(|i| sums[i] + ring[i]);
@@ -160,8 +163,8 @@ impl SubjectVolume {
         if edge < MIN_EDGE_DISTANCE { 0.0 } else { edge }
     }
 
-    /// How many cells of each ring around the middle `pieces` cover, and of how many.
-    fn rings<'a>(&self, pieces: impl Iterator<Item = &'a Piece>) -> [[f32; 2]; RINGS] {
+    /// Cells of each ring around the middle that `pieces` cover, and all cells of the ring.
+    fn rings<'a>(&self, pieces: impl Iterator<Item = &'a GroundTriangle>) -> [[f32; 2]; RINGS] {
         let side = 2 * CELLS_OF_SUPPORT;
         let cell = |along: f32| ((along + 1.0) * CELLS_OF_SUPPORT as f32).floor() as i32;
         let mut there = vec![false; side * side];
@@ -213,12 +216,12 @@ fn spread([a, b, c]: [Vec2; 3]) -> impl Iterator<Item = Vec2> {
 }
 
 /// Coordinates in which the subject's ball is that of radius 1 around the origin, and z is up.
-pub(super) struct Frame {
+pub(super) struct BallFrame {
     ball: Subject,
     axes: [Vec3; 3],
 }
 
-impl Frame {
+impl BallFrame {
     pub(super) fn new(ball: Subject, up: DVec3) -> Self {
         let up = up.as_vec3().normalize_or(Vec3::Y);
         let along = up.any_orthonormal_vector();
@@ -236,13 +239,18 @@ impl Frame {
     }
 
     /// A triangle that is near enough.
-    pub(super) fn piece(&self, number: usize, corners: [Vec3; 3], seen: f32) -> Option<Piece> {
+    pub(super) fn piece(
+        &self,
+        number: usize,
+        corners: [Vec3; 3],
+        seen: f32,
+    ) -> Option<GroundTriangle> {
         let corners = corners.map(|corner| self.within(corner));
         let [a, b, c] = corners;
         let middle = centroid(corners);
         let area = (b - a).cross(c - a).length() / 2.0;
         let near = middle.truncate().length() < REACH && middle.z.abs() < REACH;
-        near.then_some(Piece { number, corners, middle, area, seen })
+        near.then_some(GroundTriangle { number, corners, middle, area, seen })
     }
 }
 
@@ -257,15 +265,15 @@ pub(super) struct Outline {
 
 impl Outline {
     /// `None` of nothing.
-    pub(super) fn new(object: &[Piece]) -> Option<Self> {
+    pub(super) fn new(object: &[GroundTriangle]) -> Option<Self> {
         let area: f32 = object.iter().map(|piece| piece.area).sum();
-        let ground = |piece: &Piece| piece.middle.truncate();
+        let ground = |piece: &GroundTriangle| piece.middle.truncate();
         let center = object.iter().map(|piece| ground(piece) * piece.area).sum::<Vec2>() / area;
         if !center.is_finite() {
             return None;
         }
         let mut values = vec![0.0; object.len()];
-        let mut quantile = |value: &dyn Fn(&Piece) -> f32| {
+        let mut quantile = |value: &dyn Fn(&GroundTriangle) -> f32| {
             values.iter_mut().zip(object).for_each(|(slot, piece)| *slot = value(piece));
             let at = ((values.len() as f32 * WITHIN) as usize).min(values.len() - 1);
             *values.select_nth_unstable_by(at, f32::total_cmp).1
@@ -274,10 +282,10 @@ impl Outline {
         for (out, reach) in &mut outline.sides {
             *reach = reach.max(quantile(&|piece| (ground(piece) - center).dot(*out)));
         }
-        let hand = HAND * outline.radius();
+        let margin = MARGIN * outline.radius();
         let top = quantile(&|piece| piece.middle.z);
-        outline.sides.iter_mut().for_each(|side| side.1 += hand);
-        Some(Self { center, top: top + hand, ..outline })
+        outline.sides.iter_mut().for_each(|side| side.1 += margin);
+        Some(Self { center, top: top + margin, ..outline })
     }
 
     /// One around the middle, as high as it is wide.
@@ -289,22 +297,22 @@ impl Outline {
         Self { center: Vec2::ZERO, sides: std::array::from_fn(side), top: radius }
     }
 
-    /// How far it reaches from its center.
+    /// Radius around its center.
     pub(super) fn radius(&self) -> f32 {
         self.sides.iter().map(|side| side.1).fold(0.0, f32::max)
     }
 
-    /// How far it reaches from the middle.
+    /// Radius around the middle of the ball.
     pub(super) fn far(&self) -> f32 {
         self.center.length() + self.radius()
     }
 
-    /// Whether the middle is within its reach.
+    /// True if the middle of the ball is within its radius.
     pub(super) fn is_central(&self) -> bool {
         self.center.length() < self.radius()
     }
 
-    /// How far beyond a side something is, at a share of the outline.
+    /// Distance of a corner inside a side, at a share of the outline.
     fn inside(&self, corner: Vec3, (out, reach): (Vec2, f32), share: f32) -> f32 {
         share * reach - (corner.truncate() - self.center).dot(out)
     }
@@ -316,19 +324,19 @@ impl Outline {
         at.normalize_or_zero() * share
     }
 
-    /// How far out a triangle reaches, as a share of it.
-    fn farthest(&self, piece: &Piece) -> f32 {
+    /// Largest radius of a triangle, as a share of the outline.
+    fn farthest(&self, piece: &GroundTriangle) -> f32 {
         piece.corners.iter().map(|corner| self.place(*corner).length()).fold(0.0, f32::max)
     }
 
-    /// Whether a corner is below its top and within a share of it.
+    /// True if a corner is below the top and within a share of the outline.
     fn has(&self, corner: Vec3, share: f32) -> bool {
         corner.z <= self.top
             && self.sides.iter().all(|side| self.inside(corner, *side, share) >= 0.0)
     }
 
-    /// Whether a triangle is within it.
-    fn holds(&self, piece: &Piece) -> bool {
+    /// True if a triangle is inside the outline.
+    fn holds(&self, piece: &GroundTriangle) -> bool {
         piece.corners.iter().all(|corner| self.has(*corner, 1.0))
     }
 }

@@ -41,7 +41,7 @@ pub(super) struct Comparison<'a> {
     /// Mean colour of each face, sRGB-encoded. `[F]`
     colors: Vec<[f32; 3]>,
     cameras: Vec<Camera>,
-    /// How often the number of their pixels is halved.
+    /// Number of times that the pixels are halved.
     halvings: u32,
     drawing: SolidRasterOptions,
     solid: SolidRasterizer,
@@ -50,12 +50,12 @@ pub(super) struct Comparison<'a> {
     targets: Vec<Option<Vec<u32>>>,
 }
 
-/// Which cameras draw.
+/// The cameras of a round.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Round {
     /// Number of the round: the next one uses other cameras and groups.
     pub(super) number: u32,
-    /// Cameras at most.
+    /// Maximum number of cameras.
     pub(super) views: usize,
 }
 
@@ -264,7 +264,7 @@ impl Target<'_> {
 /// order.
 const UNITS: f64 = (1u64 << 32) as f64;
 
-/// What changing one face does.
+/// Effect of changing one face.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Effect {
     /// Change of the squared error.

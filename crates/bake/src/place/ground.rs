@@ -1,4 +1,4 @@
-//! How high the ground is.
+//! The height of the ground.
 
 use glam::{DVec3, Vec3};
 use trisplat_scene::camera::{self, Camera};
@@ -90,7 +90,7 @@ const MAX_SIDE: f64 = 0.05;
 
 /// The middle of a scene.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Region {
+pub(crate) struct GroundRegion {
     /// The point that the cameras look at, or the median of the triangles.
     pub center: DVec3,
     /// Median distance of the cameras from there; without cameras, half of the distance within
@@ -100,8 +100,8 @@ pub(crate) struct Region {
 
 /// A point on a surface.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Sample {
-    /// Where it is.
+pub(crate) struct SurfaceSample {
+    /// World position.
     pub position: DVec3,
     /// Area of the surface that it represents.
     pub weight: f64,
@@ -132,7 +132,7 @@ impl<'a> Foreground<'a> {
 }
 
 /// The middle of a scene; `None` when it has no extent.
-pub(crate) fn region(scene: Foreground, cameras: &[Camera]) -> Option<Region> {
+pub(crate) fn region(scene: Foreground, cameras: &[Camera]) -> Option<GroundRegion> {
     let vertices = scene.vertices();
     let vertices: Vec<Vec3> = vertices.iter().step_by(step(vertices.len())).copied().collect();
     let center = camera::focus(cameras.iter()).or_else(|| central(&vertices))?.as_dvec3();
@@ -145,25 +145,25 @@ pub(crate) fn region(scene: Foreground, cameras: &[Camera]) -> Option<Region> {
         median(away, f64::total_cmp)
     };
     let radius = radius.filter(|r| *r > 0.0 && r.is_finite())?;
-    Some(Region { center, radius })
+    Some(GroundRegion { center, radius })
 }
 
 /// Points of a cloud in the region, evenly chosen.
-pub(crate) fn points(points: &[Vec3], region: &Region) -> Vec<Sample> {
+pub(crate) fn points(points: &[Vec3], region: &GroundRegion) -> Vec<SurfaceSample> {
     let chosen = points.iter().step_by(step(points.len())).map(|p| p.as_dvec3());
     let near = chosen.filter(|p| p.distance(region.center) < REACH * region.radius);
-    near.map(|position| Sample { position, weight: 1.0 }).collect()
+    near.map(|position| SurfaceSample { position, weight: 1.0 }).collect()
 }
 
 /// Triangles of a scene in the region, evenly chosen, with their areas up to a limit.
-pub(crate) fn faces(scene: Foreground, region: &Region) -> Vec<Sample> {
+pub(crate) fn faces(scene: Foreground, region: &GroundRegion) -> Vec<SurfaceSample> {
     let most = (MAX_SIDE * region.radius).powi(2);
     let sample = |face: usize| {
         let [a, b, c] = scene.mesh.corners(face).map(|v| v.as_dvec3());
         let position = (a + b + c) / 3.0;
         let area = (b - a).cross(c - a).length() / 2.0;
         let near = position.distance(region.center) < REACH * region.radius;
-        (near && area > 0.0).then(|| Sample { position, weight: area.min(most) })
+        (near && area > 0.0).then(|| SurfaceSample { position, weight: area.min(most) })
     };
     (0..scene.faces).step_by(step(scene.faces)).filter_map(sample).collect()
 }

@@ -1,7 +1,7 @@
 //! The up direction, from the rows of the photos, which people hold level, and the largest level
 //! surface.
 
-use super::ground::{self, Foreground, Sample};
+use super::ground::{self, Foreground, SurfaceSample};
 use glam::{DMat3, DVec3, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -44,7 +44,7 @@ const CLEAR_WIDTH: f64 = 0.05;
 /// Number of samples that compare surfaces.
 const MAX_COMPARED_SAMPLES: usize = 4000;
 
-/// How far an estimate of the up axis can be trusted.
+/// Reliability of an estimate of the up axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Confidence {
@@ -68,7 +68,7 @@ pub struct UpEstimate {
     /// The surface that decided, if one was clear.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surface: Option<LevelSurface>,
-    /// How far it can be trusted.
+    /// Reliability.
     pub confidence: Confidence,
 }
 
@@ -116,7 +116,7 @@ pub(crate) fn estimate(scene: Foreground, known: Evidence) -> Option<UpEstimate>
     Some(UpEstimate { direction: up.to_array(), cameras, tilt: held.tilt, surface, confidence })
 }
 
-/// What cameras alone say.
+/// The up axis estimated from cameras alone.
 struct CameraUp {
     up: DVec3,
     /// Median angle between rows and the horizontal, degrees.
@@ -202,7 +202,7 @@ pub(crate) fn facing(scene: Foreground, known: Evidence, toward: DVec3) -> Optio
 }
 
 /// A flat surface.
-struct Surface {
+struct EstimatedSurface {
     /// Points up; a unit vector.
     normal: DVec3,
     /// Share of all samples by weight.
@@ -211,7 +211,7 @@ struct Surface {
 
 /// The largest flat surface whose normal is within `cone` degrees of `up`, when there is a clear
 /// one.
-fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<Surface> {
+fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<EstimatedSurface> {
     let region = ground::region(scene, known.cameras)?;
     let (samples, clear_share) = if known.points.is_empty() {
         (ground::faces(scene, &region), CLEAR_OF_FACES)
@@ -220,10 +220,10 @@ fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<S
     };
     let least = libm::cos(cone.to_radians());
     let thickness = THICKNESS * region.radius;
-    let near = |s: &Sample, point: DVec3, normal: DVec3| {
+    let near = |s: &SurfaceSample, point: DVec3, normal: DVec3| {
         (s.position - point).dot(normal).abs() < thickness
     };
-    let few: Vec<Sample> = samples
+    let few: Vec<SurfaceSample> = samples
         .iter()
         .step_by(samples.len().div_ceil(MAX_COMPARED_SAMPLES).max(1))
         .copied()
@@ -237,7 +237,7 @@ fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<S
     let mut width = 0.0;
     let mut support = 0.0;
     for _ in 0..PASSES {
-        let on: Vec<&Sample> = samples.iter().filter(|s| near(s, point, normal)).collect();
+        let on: Vec<&SurfaceSample> = samples.iter().filter(|s| near(s, point, normal)).collect();
         support = on.iter().map(|s| s.weight).sum::<f64>();
         if support <= 0.0 {
             return None;
@@ -252,11 +252,11 @@ fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<S
     let share = support / samples.iter().map(|s| s.weight).sum::<f64>();
     let clear =
         share >= clear_share && width >= CLEAR_WIDTH * region.radius && normal.dot(up) > least;
-    clear.then_some(Surface { normal, share })
+    clear.then_some(EstimatedSurface { normal, share })
 }
 
 /// Planes through three of the samples, chosen by weight: a point and a unit normal each.
-fn planes(samples: &[Sample]) -> impl Iterator<Item = (DVec3, DVec3)> {
+fn planes(samples: &[SurfaceSample]) -> impl Iterator<Item = (DVec3, DVec3)> {
     let mut sum = 0.0;
     let sums: Vec<f64> = samples
         .iter()

@@ -18,16 +18,11 @@ impl Recipe<'_> {
     ) -> Result<(Mesh, Option<UnseenColors>)> {
         let options = &self.options.refit;
         let mut unseen_colors = None;
-        let (mesh, _) = self.report.long_stage(
-            self.observer,
-            mesh,
-            Mesh::counts,
-            |mesh, details, progress| {
-                let refitted = refit(mesh, scene_faces, views, options, details, progress)?;
-                unseen_colors = refitted.unseen;
-                Ok(refitted.outcome)
-            },
-        )?;
+        let mesh = self.long_stage(mesh, Mesh::counts, |mesh, details, progress| {
+            let refitted = refit(mesh, scene_faces, views, options, details, progress)?;
+            unseen_colors = refitted.unseen;
+            Ok(refitted.outcome)
+        })?;
         Ok((mesh, unseen_colors))
     }
 

@@ -112,31 +112,17 @@ impl Recipe<'_> {
         let measure = |_: &Option<Views>| loaded.scene.counts();
         let backdrop = input_backdrop.filter(|_| !self.drops_surroundings());
         let solid = solid_views(&loaded.scene, backdrop, own_cameras)?;
-        let (drawn, _) = self.report.stage(
-            self.observer,
-            None,
-            measure,
-            |views, details: &mut TeacherDetails| {
-                let Some(solid) = solid else {
-                    let solid_options = &options.solid;
-                    let options = &options.teacher;
-                    return teacher(
-                        views,
-                        loaded,
-                        has_photos,
-                        color,
-                        options,
-                        solid_options,
-                        details,
-                    );
-                };
-                details.pictures = Some(solid.len() as u64);
-                details.size_px = own_cameras.first().map(|camera| camera.size.to_array());
-                *views = Some(solid);
-                Ok(Outcome::Changed(()))
-            },
-        )?;
-        Ok(drawn)
+        self.stage(None, measure, |views, details: &mut TeacherDetails| {
+            let Some(solid) = solid else {
+                let solid_options = &options.solid;
+                let options = &options.teacher;
+                return teacher(views, loaded, has_photos, color, options, solid_options, details);
+            };
+            details.pictures = Some(solid.len() as u64);
+            details.size_px = own_cameras.first().map(|camera| camera.size.to_array());
+            *views = Some(solid);
+            Ok(Outcome::Changed(()))
+        })
     }
 
     /// Before stages that draw repeatedly, but after viewpoints are chosen from a sample of the
@@ -148,16 +134,10 @@ impl Recipe<'_> {
     ) -> Result<ImportedScene> {
         let has_pictures = pictures.photos.is_some() || pictures.drawn.is_some();
         let order = self.options.order.order;
-        let (loaded, _) = self.report.stage(
-            self.observer,
-            loaded,
-            ImportedScene::counts,
-            |loaded, details| {
-                let is_drawn = has_pictures || !loaded.cameras.is_empty();
-                Ok(arrange(&mut loaded.scene, is_drawn, order, details))
-            },
-        )?;
-        Ok(loaded)
+        self.stage(loaded, ImportedScene::counts, |loaded, details| {
+            let is_drawn = has_pictures || !loaded.cameras.is_empty();
+            Ok(arrange(&mut loaded.scene, is_drawn, order, details))
+        })
     }
 
     /// Inputs of the fitting; not computed when it is off.
@@ -187,15 +167,9 @@ impl Recipe<'_> {
         let cameras = pictures.photo_cameras();
         let counts = loaded.scene.counts();
         let measure = |collider: &Option<Mesh>| collider.as_ref().map_or(counts, Mesh::counts);
-        let (collider, _) = self.report.long_stage(
-            self.observer,
-            None,
-            measure,
-            |collider, details, progress| {
-                collision(collider, loaded, cameras, options, details, progress)
-            },
-        )?;
-        Ok(collider)
+        self.long_stage(None, measure, |collider, details, progress| {
+            collision(collider, loaded, cameras, options, details, progress)
+        })
     }
 
     /// The surface for smooth normals, from the scene as it was trained.
@@ -210,19 +184,13 @@ impl Recipe<'_> {
         let cameras = pictures.photo_cameras();
         let counts = loaded.scene.counts();
         let measure = |found: &Option<Mesh>| found.as_ref().map_or(counts, Mesh::counts);
-        let (found, _) = self.report.long_stage(
-            self.observer,
-            None,
-            measure,
-            |found, details: &mut SurfaceDetails, progress| {
-                let options = SURFACE.for_scene(loaded.scene.triangle_count());
-                *found = surface(loaded, cameras, &options, &Limits::DEFAULT, details, progress)?;
-                Ok(match found {
-                    Some(_) => Outcome::Changed(()),
-                    None => Outcome::Skipped("the cameras see no connected surface"),
-                })
-            },
-        )?;
-        Ok(found)
+        self.long_stage(None, measure, |found, details: &mut SurfaceDetails, progress| {
+            let options = SURFACE.for_scene(loaded.scene.triangle_count());
+            *found = surface(loaded, cameras, &options, &Limits::DEFAULT, details, progress)?;
+            Ok(match found {
+                Some(_) => Outcome::Changed(()),
+                None => Outcome::Skipped("the cameras see no connected surface"),
+            })
+        })
     }
 }

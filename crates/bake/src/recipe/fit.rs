@@ -53,10 +53,9 @@ impl Recipe<'_> {
         photos: Option<&mut Views>,
     ) -> Result<Mesh> {
         let options = &self.options.exposure;
-        let (mesh, _) = self.report.stage(self.observer, mesh, Mesh::counts, |_, details| {
+        self.stage(mesh, Mesh::counts, |_, details| {
             exposure(trained_exposure, photos, options, details)
-        })?;
-        Ok(mesh)
+        })
     }
 
     /// On the remaining triangles, by the cameras' pictures: before the backdrop, and before
@@ -68,25 +67,17 @@ impl Recipe<'_> {
         traits: SceneTraits,
     ) -> Result<Mesh> {
         let options = &self.options.reshape;
-        let (mesh, _) = self.report.long_stage(
-            self.observer,
-            mesh,
-            Mesh::counts,
-            |mesh, details, progress| reshape(mesh, views, traits, options, details, progress),
-        )?;
-        Ok(mesh)
+        self.long_stage(mesh, Mesh::counts, |mesh, details, progress| {
+            reshape(mesh, views, traits, options, details, progress)
+        })
     }
 
     /// On triangles that no longer move, and before levels are made and colours are fitted to what
     /// is drawn.
     fn sides(&mut self, mesh: Mesh, cameras: &[Camera]) -> Result<Mesh> {
         let options = &self.options.sides;
-        let (mesh, _) = self.report.long_stage(
-            self.observer,
-            mesh,
-            Mesh::counts,
-            |mesh, details, progress| sides(mesh, cameras, options, details, progress),
-        )?;
-        Ok(mesh)
+        self.long_stage(mesh, Mesh::counts, |mesh, details, progress| {
+            sides(mesh, cameras, options, details, progress)
+        })
     }
 }

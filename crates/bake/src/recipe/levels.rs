@@ -97,15 +97,9 @@ impl Recipe<'_> {
             triangles: levels.iter().map(|level| level.counts().triangles).sum(),
             vertices: levels.iter().map(|level| level.counts().vertices).sum(),
         };
-        let (levels, _) = self.report.long_stage(
-            self.observer,
-            Vec::new(),
-            measure,
-            |levels, details, progress| {
-                lod(levels, &source, &plan.options, finish, details, progress)
-            },
-        )?;
-        Ok(levels)
+        self.long_stage(Vec::new(), measure, |levels, details, progress| {
+            lod(levels, &source, &plan.options, finish, details, progress)
+        })
     }
 
     /// A level, whose texture is halved `halvings` times if its scene had one.

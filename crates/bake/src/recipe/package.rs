@@ -28,14 +28,13 @@ impl Recipe<'_> {
     ) -> Result<(Asset, FileFrame, ViewpointDetails)> {
         let options = self.options;
         // In the frame of the cameras, and before stages that order faces.
-        let (mesh, _) = self.report.stage(self.observer, mesh, Mesh::counts, |mesh, details| {
+        let mesh = self.stage(mesh, Mesh::counts, |mesh, details| {
             lit(mesh, normals.cameras, normals.surface, &options.lit, details)
         })?;
 
         // Before placing, while equal corners are still bitwise equal.
-        let (mesh, _) = self.report.stage(self.observer, mesh, Mesh::counts, |mesh, details| {
-            weld(mesh, &options.weld, details)
-        })?;
+        let mesh =
+            self.stage(mesh, Mesh::counts, |mesh, details| weld(mesh, &options.weld, details))?;
 
         // Before stages with boxes, which must use the coordinates of the file.
         let mut placement = scene_frame.map(|frame| frame.placement);
@@ -91,13 +90,11 @@ impl Recipe<'_> {
             self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
                 chunk(asset, &options.chunk, options.order.order, details)
             })?;
-        let (asset, _) =
-            self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
-                if chunks.ordered {
-                    return Ok(Outcome::Skipped("`chunk` has put near faces near"));
-                }
-                order(asset, &options.order, details)
-            })?;
-        Ok(asset)
+        self.stage(asset, Asset::counts, |asset, details| {
+            if chunks.ordered {
+                return Ok(Outcome::Skipped("`chunk` has put near faces near"));
+            }
+            order(asset, &options.order, details)
+        })
     }
 }

@@ -34,27 +34,19 @@ impl Recipe<'_> {
         let scene = self.prune(scene, cameras)?;
 
         // On the soup, because it needs opacity and σ, which `color` drops.
-        let (scene, _) = self.report.stage(
-            self.observer,
-            scene,
-            Scene::counts,
-            |scene, details| match scene {
-                Scene::Soup(soup) => solid(soup, &options.solid, details),
-                Scene::Mesh(_) => {
-                    Ok(Outcome::Skipped("the input is a mesh: its triangles are solid"))
-                }
-            },
-        )?;
+        let scene = self.stage(scene, Scene::counts, |scene, details| match scene {
+            Scene::Soup(soup) => solid(soup, &options.solid, details),
+            Scene::Mesh(_) => Ok(Outcome::Skipped("the input is a mesh: its triangles are solid")),
+        })?;
 
         // From here on an ordinary mesh in linear light.
-        let (scene, _) =
-            self.report.stage(self.observer, scene, Scene::counts, |scene, details| {
-                let Scene::Soup(soup) = scene else {
-                    return Ok(Outcome::Skipped("the input is a mesh: it has colours"));
-                };
-                *scene = Scene::Mesh(color(std::mem::take(soup), details)?);
-                Ok(Outcome::Changed(()))
-            })?;
+        let scene = self.stage(scene, Scene::counts, |scene, details| {
+            let Scene::Soup(soup) = scene else {
+                return Ok(Outcome::Skipped("the input is a mesh: it has colours"));
+            };
+            *scene = Scene::Mesh(color(std::mem::take(soup), details)?);
+            Ok(Outcome::Changed(()))
+        })?;
         match scene {
             Scene::Mesh(mesh) => Ok(mesh),
             Scene::Soup(_) => unreachable!("the color stage makes a mesh of every soup"),

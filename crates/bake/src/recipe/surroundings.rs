@@ -16,12 +16,12 @@ use trisplat_scene::report::Outcome;
 use trisplat_scene::{Asset, Placement, Result, Scene};
 
 impl Recipe<'_> {
-    /// Whether only a region of the scene is baked, to which surroundings do not belong.
+    /// True if only a region of the scene is baked, to which surroundings do not belong.
     pub(super) fn drops_surroundings(&self) -> bool {
         self.options.crop.is_cropped() && self.options.backdrop.backdrop == BackdropWhen::Auto
     }
 
-    /// Whether surroundings are written as triangles, which a limit counts.
+    /// True if surroundings are written as triangles, which a limit counts.
     fn writes_surroundings(&self) -> bool {
         let are_triangles = matches!(
             self.options.backdrop.backdrop,
@@ -118,7 +118,7 @@ impl Recipe<'_> {
     /// a backdrop, keeps its shell as part of the scene.
     fn split_off_shell(&self, mut mesh: Mesh, cameras: &[Camera]) -> (Mesh, Mesh) {
         if self.drops_surroundings() || self.options.backdrop.backdrop == BackdropWhen::Off {
-            // It is part of the scene from here on.
+            // The shell is part of the scene from here on.
             mesh.shell.clear();
             return (mesh, Mesh::default());
         }
@@ -169,7 +169,7 @@ impl Recipe<'_> {
         let options = &self.options.backdrop;
         let drops_surroundings = self.drops_surroundings();
         let budget = self.budget.surroundings;
-        let (mesh, _) = self.report.stage(self.observer, mesh, Mesh::counts, |mesh, details| {
+        self.stage(mesh, Mesh::counts, |mesh, details| {
             if drops_surroundings {
                 return Ok(Outcome::Skipped("the scene is cropped: its surroundings were removed"));
             }
@@ -177,8 +177,7 @@ impl Recipe<'_> {
                 Some(surroundings) => keep_backdrop(mesh, surroundings, options, details),
                 None => backdrop(mesh, views, options, budget, details),
             }
-        })?;
-        Ok(mesh)
+        })
     }
 
     /// Gives the scene and its levels the panorama, if that is asked for.

@@ -43,11 +43,8 @@ impl Recipe<'_> {
             ..options.unseen.clone()
         };
         let cameras = if are_chosen && max_faces.is_none() { &[] } else { &cameras.visibility[..] };
-        let (mut mesh, _) = self.report.long_stage(
-            self.observer,
-            mesh,
-            Mesh::counts,
-            |mesh, details: &mut UnseenDetails, progress| {
+        let mut mesh =
+            self.long_stage(mesh, Mesh::counts, |mesh, details: &mut UnseenDetails, progress| {
                 // In a soft scene, `reshape` will still move the triangles that hide others.
                 if !is_soft {
                     let progress = &mut progress.part(0.0, 0.5);
@@ -65,8 +62,7 @@ impl Recipe<'_> {
                 } else {
                     outcome
                 })
-            },
-        )?;
+            })?;
         if has_backdrop {
             mesh.take_shell();
         }

@@ -150,7 +150,7 @@ impl Equations {
 
 /// All systems and the colours they start from.
 #[derive(Debug, Clone)]
-pub(super) struct Fit {
+pub(super) struct ColorFit {
     sums: Vec<Equations>,
     /// λ, px.
     flatness: f32,
@@ -160,7 +160,7 @@ pub(super) struct Fit {
     linear: Vec<[[f32; 3]; 3]>,
 }
 
-impl Fit {
+impl ColorFit {
     /// Empty sums. `flatness` is λ, px.
     pub(super) fn new(mesh: &Mesh, flatness: f32) -> Self {
         let encode = |f: usize| mesh.corner_colors(f).map(|corner| corner.map(srgb_from_linear));
@@ -249,7 +249,7 @@ impl Fit {
         revived
     }
 
-    /// Better colours for the mesh of [`Fit::new`].
+    /// Better colours for the mesh of [`ColorFit::new`].
     pub(super) fn colors(&self, which: RefitColors) -> Colors {
         let solved = |face: usize| {
             let colors = self.sums[face].colors(which, &self.encoded[face], self.flatness);

@@ -1,9 +1,9 @@
-//! Which colours are fitted, and how.
+//! Options of fitted colours.
 
 use trisplat_scene::Result;
 use trisplat_scene::ranges::{self, Called};
 
-/// Which colours are fitted.
+/// Colours to fit.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -19,11 +19,11 @@ pub enum RefitColors {
     Off,
 }
 
-/// How colours are taken from the photos.
+/// Options of colours from the photos.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RefitOptions {
-    /// Which colours are fitted to the photos
+    /// Colours to fit to the photos
     pub refit: RefitColors,
     /// λ: pull of corner colours towards their triangle's mean, equivalent to this many pixels
     #[schemars(range(min = 0.0, max = 1e9))]

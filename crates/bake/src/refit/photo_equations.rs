@@ -1,6 +1,6 @@
 //! The equations of one photo for every triangle that it sees.
 
-use super::equations::{Equations, Fit, MAX_RESIDUAL};
+use super::equations::{ColorFit, Equations, MAX_RESIDUAL};
 use crate::views::{SAMPLES, Views};
 use trisplat_raster::solid::{
     Barycentrics, FaceBarycentrics, NO_FACE, SolidRasterOptions, SolidRasterizer, Visibility,
@@ -21,7 +21,7 @@ const MAX_SAMPLES: usize = 16;
 const NO_SLOT: u32 = u32::MAX;
 
 /// A photo, and the scene rasterised from its camera.
-pub(super) struct Observation<'a> {
+pub(super) struct PhotoObservation<'a> {
     pub(super) mesh: &'a Mesh,
     pub(super) camera: &'a Camera,
     pub(super) photo: &'a RgbImage,
@@ -63,19 +63,19 @@ impl Gatherer {
     /// sRGB-encoded.
     pub(super) fn gather(
         &mut self,
-        observation: &Observation<'_>,
-        fit: &mut Fit,
+        observation: &PhotoObservation<'_>,
+        fit: &mut ColorFit,
         sign: f32,
     ) -> [f32; 3] {
         let rows = observation.photo.size.y;
         let row = |band: usize| (u64::from(rows) * band as u64 / BANDS as u64) as u32;
-        let seen: &Fit = fit;
+        let seen: &ColorFit = fit;
         parallel::for_each(&mut self.bands, |i, band| {
             band.sums.clear();
             band.corners.clear();
             band.error = [0.0; 3];
             band.pixels = 0.0;
-            let mut pass = Pass::new(observation, seen, band);
+            let mut pass = PhotoPass::new(observation, seen, band);
             (row(i)..row(i + 1)).for_each(|y| pass.row(y));
             for (face, _) in &band.sums {
                 band.slots[*face as usize] = NO_SLOT;
@@ -96,9 +96,9 @@ impl Gatherer {
 /// corners.
 type PixelSample = (u32, [f32; 3]);
 
-struct Pass<'a> {
-    observation: &'a Observation<'a>,
-    fit: &'a Fit,
+struct PhotoPass<'a> {
+    observation: &'a PhotoObservation<'a>,
+    fit: &'a ColorFit,
     band: &'a mut Band,
     barycentrics: Barycentrics<'a>,
     of_pixels: Barycentrics<'a>,
@@ -106,8 +106,8 @@ struct Pass<'a> {
     background: [f32; 3],
 }
 
-impl<'a> Pass<'a> {
-    fn new(observation: &'a Observation<'a>, fit: &'a Fit, band: &'a mut Band) -> Self {
+impl<'a> PhotoPass<'a> {
+    fn new(observation: &'a PhotoObservation<'a>, fit: &'a ColorFit, band: &'a mut Band) -> Self {
         let samples = observation.visibility.size.x / observation.camera.size.x;
         let barycentrics = Barycentrics::new(observation.mesh, observation.camera, samples);
         Self {
@@ -244,8 +244,8 @@ pub(super) struct Accumulator {
     solid: SolidRasterizer,
     drawing: SolidRasterOptions,
     gatherer: Gatherer,
-    pub(super) fit: Fit,
-    /// See [`Observation::coupling`].
+    pub(super) fit: ColorFit,
+    /// See [`PhotoObservation::coupling`].
     pub(super) coupling: f32,
     /// Mean error of each photo when it was last added, sRGB-encoded.
     pub(super) errors: Vec<[f32; 3]>,
@@ -258,7 +258,7 @@ impl Accumulator {
             solid: SolidRasterizer::new(),
             drawing: views.drawing(mesh, SAMPLES),
             gatherer: Gatherer::new(mesh.face_count()),
-            fit: Fit::new(mesh, flatness),
+            fit: ColorFit::new(mesh, flatness),
             coupling: views.len() as f32 / (views.len() as f32 + HALF_COUPLED),
             errors: vec![[0.0; 3]; views.len()],
         }
@@ -281,7 +281,7 @@ impl Accumulator {
             let camera = views.camera(view);
             let visibility = self.solid.visibility(mesh, camera, &self.drawing);
             let background = self.drawing.background;
-            let seen = Observation {
+            let seen = PhotoObservation {
                 mesh,
                 camera,
                 photo: &photo,

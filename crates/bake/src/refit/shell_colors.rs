@@ -12,7 +12,7 @@
 //! The matrix is symmetric and positive definite, so conjugate gradients solve it, one channel
 //! after the other. Both weights were chosen on photos left out of captures (commit 5727e856).
 
-use super::equations::{Equations, Fit};
+use super::equations::{ColorFit, Equations};
 use crate::weld::place_bits;
 use glam::Vec3;
 use std::collections::HashMap;
@@ -34,7 +34,7 @@ const RESIDUAL: f64 = 1e-4;
 
 /// Gives the backdrop of `mesh`, its faces from `behind` on, the colours that are best for all of
 /// them together; `fit` holds the sums of the photos.
-pub(super) fn paint(mesh: &mut Mesh, behind: usize, fit: &Fit) {
+pub(super) fn paint(mesh: &mut Mesh, behind: usize, fit: &ColorFit) {
     if behind < mesh.face_count() {
         let solved = solve(mesh, behind, fit.sums(behind), fit.encoded(behind));
         let corners = solved.iter().flatten().map(|corner| corner.map(linear_from_srgb));

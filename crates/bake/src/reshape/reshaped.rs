@@ -28,7 +28,7 @@ pub(super) struct ReshapedFaces {
 }
 
 impl ReshapedFaces {
-    /// Those of a mesh without shared vertices, in their mean colours.
+    /// Faces of a mesh without shared vertices, in their mean colours.
     pub(super) fn new(mesh: &Mesh) -> Self {
         let count = mesh.face_count();
         let color = |face: usize| {
@@ -193,7 +193,7 @@ pub(super) struct Measures {
 
 /// Measurements of a face.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct FoundFace {
+pub(super) struct MatchedFace {
     /// Samples that show it.
     pub(super) samples: f64,
     /// Sum of the pictures' sRGB-encoded colours there.
@@ -206,7 +206,7 @@ pub(super) struct FoundFace {
     pub(super) moving: f64,
 }
 
-impl FoundFace {
+impl MatchedFace {
     /// The pictures are matched better without the face.
     pub(super) fn is_harmful(&self) -> bool {
         self.removing < 0.0
@@ -225,10 +225,10 @@ impl Measures {
     }
 
     /// About one face.
-    pub(super) fn face(&self, face: usize) -> FoundFace {
+    pub(super) fn face(&self, face: usize) -> MatchedFace {
         let [samples, r, g, b, error, removing, moving, _] =
             self.rows[face].0.each_ref().map(|sum| sum.load(Relaxed) as f64 / UNITS);
-        FoundFace { samples, rgb: [r, g, b], error, removing, moving }
+        MatchedFace { samples, rgb: [r, g, b], error, removing, moving }
     }
 
     /// PSNR of the scene as drawn, dB, if there were pictures.

@@ -49,7 +49,7 @@ impl<'v> Rounds<'v> {
     pub(super) fn draw(
         &mut self,
         round: u32,
-        effort: Effort,
+        effort: RoundEffort,
         faces: &ReshapedFaces,
         candidates: &[[glam::Vec3; 3]],
     ) -> Result<Measures> {
@@ -213,7 +213,7 @@ const CUT_UNTIL: f64 = 0.8;
 
 /// The number of rounds, and the pictures of each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Effort {
+pub(super) struct RoundEffort {
     pub(super) rounds: u32,
     /// Pictures of a round.
     pub(super) pictures: usize,
@@ -221,7 +221,7 @@ pub(super) struct Effort {
     pub(super) side: u32,
 }
 
-impl Effort {
+impl RoundEffort {
     /// For `faces` and the pictures of `cameras`: large scenes get fewer pictures, and then fewer
     /// rounds.
     pub(super) fn new(faces: usize, cameras: &[Camera], rounds: u32) -> Self {
@@ -248,7 +248,7 @@ impl Effort {
         (0..self.pictures).map(|k| ((k as f64 + shift) * step) as usize).collect()
     }
 
-    /// Whether triangles are cut after this round.
+    /// True if triangles are cut after this round.
     pub(super) fn cuts(self, round: u32) -> bool {
         round.is_multiple_of(CUT_EVERY) && f64::from(round) < CUT_UNTIL * f64::from(self.rounds)
     }
@@ -271,8 +271,8 @@ mod tests {
 
     #[test]
     fn large_scenes_get_fewer_pictures_and_then_fewer_rounds() {
-        let effort = |faces, count, side| Effort::new(faces, &cameras(count, side), 16);
-        let plan = |rounds, pictures, side| Effort { rounds, pictures, side };
+        let effort = |faces, count, side| RoundEffort::new(faces, &cameras(count, side), 16);
+        let plan = |rounds, pictures, side| RoundEffort { rounds, pictures, side };
         assert_eq!(effort(40_000, 40, 300), plan(16, 40, 800));
         assert_eq!(
             effort(8_000, 96, 360),
@@ -292,7 +292,7 @@ mod tests {
     #[test]
     fn every_round_has_as_many_pictures_and_soon_all_had_their_turn() {
         for (pictures, views) in [(1, 1), (43, 43), (48, 49), (48, 96), (12, 255)] {
-            let effort = Effort { rounds: 16, pictures, side: 960 };
+            let effort = RoundEffort { rounds: 16, pictures, side: 960 };
             let mut seen = vec![0; views];
             for round in 0..64 {
                 let chosen = effort.chosen(round, views);
@@ -306,7 +306,7 @@ mod tests {
 
     #[test]
     fn the_last_rounds_cut_nothing() {
-        let effort = Effort { rounds: 16, pictures: 1, side: 960 };
+        let effort = RoundEffort { rounds: 16, pictures: 1, side: 960 };
         let cut: Vec<u32> = (1..16).filter(|&round| effort.cuts(round)).collect();
         assert_eq!(cut, [3, 6, 9, 12]);
     }

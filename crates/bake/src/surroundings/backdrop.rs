@@ -25,7 +25,7 @@ const MIN_HOLES: f64 = 0.001;
 /// The sphere has at most one triangle per this many of the scene, and at least 8 · 4².
 const SCENE_PER_BACKDROP: usize = 20;
 
-/// Whether holes are closed.
+/// Condition for a backdrop.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -157,8 +157,8 @@ pub(crate) fn keep_backdrop(
     Ok(Outcome::Changed(()))
 }
 
-/// What photos show where no triangle is.
-struct Holes {
+/// Pixels of photos that no triangle covers.
+struct BackdropHoles {
     /// Share of the photos' pixels that count.
     share: f64,
     /// Share of all pixels that count.
@@ -167,7 +167,7 @@ struct Holes {
     color: [f32; 3],
 }
 
-fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
+fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<BackdropHoles> {
     let drawing = views.drawing(mesh, 1);
     let mut solid = SolidRasterizer::new();
     let mut open = 0.0;
@@ -193,7 +193,7 @@ fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
     }
     let mean = color.map(|sum| (sum / f64::max(open, 1e-9)) as f32);
     let counted = all / pixels.max(1) as f64;
-    Ok(Holes { share: open / f64::max(all, 1e-9), counted, color: mean })
+    Ok(BackdropHoles { share: open / f64::max(all, 1e-9), counted, color: mean })
 }
 
 /// Subdivisions of the octahedron for a scene of `faces`; `None` where the budget of surroundings

@@ -1,7 +1,7 @@
 //! The closed surface behind a scene, as seen from a middle, and its places on an equirectangular
 //! picture.
 //!
-//! It lies where the shell of a training is, which stands where walls are; without one, behind
+//! The surface lies at the shell of a training, which stands where walls are; without one, behind
 //! everything.
 
 use glam::{Vec2, Vec3};
@@ -67,7 +67,7 @@ fn places(corners: [Vec3; 3]) -> [Vec2; 3] {
     )
 }
 
-/// How far the shell is in a direction.
+/// Distance of the shell in a direction.
 fn farthest(shell: &Mesh, center: Vec3, way: Vec3) -> Option<f32> {
     let hits = (0..shell.face_count()).filter_map(|face| hit(shell.corners(face), center, way));
     hits.reduce(f32::max)
@@ -102,7 +102,7 @@ fn distances(
     logs.into_iter().map(f32::exp).collect()
 }
 
-// ---- What a backdrop and a sky have in common ---------------------------------------------------
+// ---- Shared by backdrops and skies ---------------------------------------------------
 
 /// Below this covered share of a picture, or unmasked share of a photo, the scene is an object
 /// without background.

@@ -1,4 +1,4 @@
-//! What photos show of the backdrop: the colour of each texel that some of them agree on.
+//! Colours of the panorama: of each texel the colour that some photos agree on.
 
 use crate::views::Views;
 use glam::Vec2;
@@ -34,7 +34,7 @@ impl PanoramaColors {
         Self { rows, values: vec![[0.0; 3]; texels], weights: vec![0.0; texels] }
     }
 
-    /// What `views` show of `mesh` behind its first faces, whose corners are at `uvs`.
+    /// Colours of the faces of `mesh` from `behind` on in `views`; their corners are at `uvs`.
     ///
     /// # Errors
     ///
@@ -225,7 +225,7 @@ impl VisiblePhoto<'_> {
         found
     }
 
-    /// Whether a pixel beside this one shows the scene.
+    /// True if a pixel beside this one shows the scene.
     fn is_rim(&self, x: u32, y: u32) -> bool {
         let size = self.photo.size;
         let shows = |x: u32, y: u32| (self.face[(y * size.x + x) as usize] as usize) < self.behind;
@@ -257,7 +257,7 @@ pub(super) fn fill(known: PanoramaColors) -> Vec<[f32; 3]> {
             Some(coarse) => doubled(&coarse, known.rows),
             None => vec![known.mean(); known.values.len()],
         };
-        let links = Links::new(known.rows);
+        let links = RowWeights::new(known.rows);
         for _ in 0..ROUNDS {
             [0, 1].into_iter().for_each(|parity| relax(&mut values, known, &links, parity));
         }
@@ -293,14 +293,14 @@ fn doubled(coarse: &[[f32; 3]], rows: usize) -> Vec<[f32; 3]> {
     (0..2 * rows * rows).map(value).collect()
 }
 
-/// How strongly the texels of each row are tied to their neighbours.
-struct Links {
+/// Weights that tie the texels of each row to their neighbours.
+struct RowWeights {
     along: Vec<f32>,
     above: Vec<f32>,
     below: Vec<f32>,
 }
 
-impl Links {
+impl RowWeights {
     fn new(rows: usize) -> Self {
         let sine = |row: f64| libm::sin(row / rows as f64 * std::f64::consts::PI);
         let of_rows =
@@ -314,7 +314,7 @@ impl Links {
 }
 
 /// Solves every second texel for its neighbours.
-fn relax(values: &mut [[f32; 3]], known: &PanoramaColors, links: &Links, parity: usize) {
+fn relax(values: &mut [[f32; 3]], known: &PanoramaColors, links: &RowWeights, parity: usize) {
     let rows = known.rows;
     let columns = 2 * known.rows;
     for row in 0..rows {

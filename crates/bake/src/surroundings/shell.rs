@@ -18,13 +18,14 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::math::geometry::mean;
 use trisplat_scene::mesh::{Colors, Mesh};
 
-/// Maximum number of triangles of a shell that was cut: its surroundings are out of focus, so more gain nothing.
+/// Maximum number of triangles of a shell cut into quarters: surroundings are out of focus, so more
+/// gain nothing.
 const MAX_QUARTERS: usize = 8192;
 /// Minimum triangles of the scene for each triangle of a cut shell.
 const SCENE_PER_QUARTER: usize = 2;
-/// How much farther than the scene a surface of few, large triangles is, because their middles are
-/// nearer than their corners.
-const FARTHER: f32 = 1.25;
+/// Radius of a surface of few, large triangles, as a multiple of the scene's: the middles of triangles
+/// are nearer than their corners.
+const RADIUS_FACTOR: f32 = 1.25;
 
 /// Flags the far shell of a soup whose file has no flags.
 pub(crate) fn recognise_shell(scene: &mut Scene, when: BackdropWhen) {
@@ -49,7 +50,7 @@ pub(crate) fn take_shell(mesh: &mut Mesh, cameras: &[Camera]) -> Mesh {
     shell
 }
 
-/// Whether a `shell` cut into quarters has room beside the `scene_faces` of the scene, within the
+/// True if a `shell` cut into quarters has room beside the `scene_faces` of the scene, within the
 /// `budget` too.
 pub(crate) fn is_quartered(shell: &Mesh, scene_faces: usize, budget: &TriangleBudget) -> bool {
     let quarters = 4 * shell.face_count();
@@ -104,7 +105,7 @@ pub(crate) fn simplified_shell(
 ) -> Mesh {
     let center = middle(shell, cameras);
     let reach = corners.map(|corner| corner.distance(center)).fold(0.0, f32::max);
-    close_surface(shell, center, FARTHER * reach, max_faces).unwrap_or_default()
+    close_surface(shell, center, RADIUS_FACTOR * reach, max_faces).unwrap_or_default()
 }
 
 /// Faces of the shell in `mesh` that stay even if unseen, because a shell with holes closes nothing.

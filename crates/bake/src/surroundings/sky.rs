@@ -24,12 +24,12 @@ use trisplat_scene::{Asset, Placement, Result};
 
 /// Subdivisions of the octahedron without a shell: a sphere.
 const OF_SPHERE: u32 = 4;
-/// Texels per pixel of the photos: what stands behind a scene is out of focus.
+/// Texels per pixel of the photos: surroundings are out of focus.
 const TEXELS_PER_PIXEL: f64 = 0.5;
 /// Minimum and maximum rows of the picture.
 const ROWS: [u32; 2] = [256, 1024];
-/// How far a shell's own colours are blurred where no picture looks, in heights of the picture: so
-/// far that its facets do not show.
+/// Radius by which a shell's own colours are blurred where no picture looks, in heights of the
+/// picture: large enough to hide its facets.
 const BLUR: f32 = 0.1;
 
 /// The panorama of a bake that is asked for one, in the frame of the cameras.
@@ -37,8 +37,8 @@ const BLUR: f32 = 0.1;
 pub(crate) struct Sky(Option<RgbImage>);
 
 impl Sky {
-    /// What stands behind `mesh`, a scene without its `shell`: what `views` show of it, or the
-    /// shell's colours. Nothing of an object.
+    /// Surroundings of `mesh`, a scene without its `shell`, as `views` show them, or in the shell's
+    /// colours. Empty for an object.
     ///
     /// # Errors
     ///
@@ -51,15 +51,15 @@ impl Sky {
     ) -> Result<Self> {
         Ok(Self(match (shell, views.filter(|views| !views.is_empty())) {
             (None, Some(views)) if views.covered() < MIN_COVERED => None,
-            (shell, Some(views)) => Some(photographed(mesh, shell, views)?),
-            (Some(shell), None) => Some(blurred(shell, cameras)),
+            (shell, Some(views)) => Some(photo_panorama(mesh, shell, views)?),
+            (Some(shell), None) => Some(shell_panorama(shell, cameras)),
             (None, None) => None,
         }))
     }
 }
 
-/// What `views` show behind `mesh`, where `shell` is.
-fn photographed(mesh: &Mesh, shell: Option<&Mesh>, views: &mut Views) -> Result<RgbImage> {
+/// Panorama of `views` behind `mesh`, where `shell` is.
+fn photo_panorama(mesh: &Mesh, shell: Option<&Mesh>, views: &mut Views) -> Result<RgbImage> {
     let center = views.center();
     let mut least = views.radius();
     if shell.is_none() {
@@ -78,7 +78,7 @@ fn photographed(mesh: &Mesh, shell: Option<&Mesh>, views: &mut Views) -> Result<
 }
 
 /// The colours of a shell, blurred, for a scene without photos that `cameras` may have looked at.
-fn blurred(shell: &Mesh, cameras: &[Camera]) -> RgbImage {
+fn shell_panorama(shell: &Mesh, cameras: &[Camera]) -> RgbImage {
     let center = if cameras.is_empty() {
         mean(shell.positions.iter().copied())
     } else {
@@ -227,7 +227,7 @@ const MAX_FACES: usize = 8192;
 /// Rows of the picture of the shell for each face around the surface.
 const ROWS_PER_FACE: u32 = 4;
 
-/// Whether the faces of `shell` hardly touch: a closed surface has half as many vertices as faces,
+/// True if the faces of `shell` hardly touch: a closed surface has half as many vertices as faces,
 /// separate faces have three times as many.
 pub(crate) fn is_scattered(shell: &Mesh) -> bool {
     let places: HashSet<[u32; 3]> =

@@ -1,4 +1,4 @@
-//! Where each triangle is on the texture.
+//! The atlas: places of triangles on the texture.
 //!
 //! A triangle becomes a right-angled one, its right angle opposite to its longest edge; its corners
 //! are middles of texels, so that nothing bleeds in at the finest level. Two of one size, the
@@ -36,7 +36,7 @@ const FEWER: f64 = 0.9;
 /// The texels of a triangle: texel (i, j) is at `corner` + i, j, or of a turned one at `corner` -
 /// i, j.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Patch {
+pub(super) struct TexturePatch {
     /// The texel of the corner with the right angle.
     pub(super) corner: UVec2,
     /// Texels from corner to corner along both legs, corners included.
@@ -48,8 +48,8 @@ pub(super) struct Patch {
     pub(super) order: [usize; 3],
 }
 
-impl Patch {
-    /// How large the patch of a triangle with these edges is, and the order of its corners.
+impl TexturePatch {
+    /// The patch of a triangle with these edges, px.
     fn new(edges: [f32; 3], texels_per_pixel: f64) -> Self {
         // Edge i leads from corner i to the next one; opposite to it is the one after that.
         let longest =
@@ -101,8 +101,8 @@ impl Patch {
         }
     }
 
-    /// Where a point of the face with these weights of its corners is, in texels from the middle of
-    /// the first texel of the texture.
+    /// Position of a point of the face with these weights of its corners, in texels from the middle
+    /// of the first texel of the texture.
     #[inline(always)]
     pub(super) fn place(&self, weights: &[f32; 3]) -> Vec2 {
         let [_, first, second] = self.order;
@@ -151,8 +151,8 @@ pub(super) struct Atlas {
     /// Width and height of the texture, powers of two.
     pub(super) size: UVec2,
     /// `[F]`
-    pub(super) patches: Vec<Patch>,
-    /// What was asked for, or less where the texture would be too large.
+    pub(super) patches: Vec<TexturePatch>,
+    /// The requested density, or less where the texture would be too large.
     pub(super) texels_per_pixel: f64,
 }
 
@@ -166,7 +166,8 @@ impl Atlas {
         let colors = parallel::collect(mesh.face_count(), GRAIN, |face| color_key(mesh, face));
         let mut texels_per_pixel = options.texels_per_pixel;
         loop {
-            let patches = edges.iter().map(|edges| Patch::new(*edges, texels_per_pixel)).collect();
+            let patches =
+                edges.iter().map(|edges| TexturePatch::new(*edges, texels_per_pixel)).collect();
             let mut atlas = Self { size: UVec2::ZERO, patches, texels_per_pixel };
             if atlas.pack(&colors, options.texture_size) {
                 return Ok(atlas);
@@ -286,7 +287,7 @@ pub(super) trait Layout: Sync {
     /// Number of faces.
     fn face_count(&self) -> usize;
 
-    /// Where a point of a face with these weights of its corners is, in texels from the middle of
+    /// Position of a point of a face with these weights of its corners, in texels from the middle of
     /// the first texel.
     fn place(&self, face: usize, weights: &[f32; 3]) -> Vec2;
 
@@ -315,7 +316,7 @@ pub(super) trait Layout: Sync {
         ]
     }
 
-    /// Where the corners of every face are on the texture: (0, 0) its upper left corner, (1, 1) its
+    /// Texture coordinates of the corners of every face: (0, 0) is the upper left corner, (1, 1) the
     /// lower right one. `[F]`
     fn uvs(&self) -> Vec<[Vec2; 3]> {
         let per = Vec2::ONE / self.size().as_vec2();
@@ -453,13 +454,13 @@ mod tests {
     #[test]
     fn the_right_angle_is_opposite_to_the_longest_edge() {
         // Corner 2 is opposite to the edge from corner 0 to corner 1.
-        let patch = Patch::new([50.0, 30.0, 40.0], 1.0);
+        let patch = TexturePatch::new([50.0, 30.0, 40.0], 1.0);
         assert_eq!((patch.order, patch.size), ([2, 0, 1], UVec2::new(48, 32)));
         assert_eq!(patch.place(&[0.0, 0.0, 1.0]), Vec2::ZERO);
         assert_eq!(patch.place(&[1.0, 0.0, 0.0]), Vec2::new(47.0, 0.0));
         assert_eq!(patch.place(&[0.0, 1.0, 0.0]), Vec2::new(0.0, 31.0));
         assert_eq!(
-            Patch::new([9.0; 3], 0.1).size,
+            TexturePatch::new([9.0; 3], 0.1).size,
             UVec2::ONE,
             "too small for more than one colour"
         );

@@ -1,4 +1,4 @@
-//! Which photo shows a face best: large and sharp, in the colour that the others see too, and the
+//! The best photo of each face: large and sharp, in the colour that the others see too, and the
 //! same one as its neighbours.
 //!
 //! ```text
@@ -17,7 +17,7 @@ use trisplat_scene::image::RgbImage;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
 
-/// Photos that a face chooses from.
+/// Number of photos that a face chooses from.
 const CANDIDATES: usize = 6;
 /// Cost of another photo beside a face.
 const SEAM: f32 = 0.4;
@@ -33,30 +33,30 @@ const NONE: u32 = u32::MAX;
 
 /// A photo that shows a face.
 #[derive(Debug, Clone, Copy)]
-struct Candidate {
+struct PhotoCandidate {
     view: u32,
     quality: f32,
     color: [f32; 3],
 }
 
-const NOBODY: Candidate = Candidate { view: NONE, quality: 0.0, color: [0.0; 3] };
+const NO_CANDIDATE: PhotoCandidate = PhotoCandidate { view: NONE, quality: 0.0, color: [0.0; 3] };
 
 /// The photos that show each face best, as far as they were added.
-pub(super) struct Candidates {
+pub(super) struct PhotoCandidates {
     /// Best first. `[F]`
-    of_face: Vec<[Candidate; CANDIDATES]>,
+    of_face: Vec<[PhotoCandidate; CANDIDATES]>,
     /// Sum of colours over the pixels of all photos, and their number. `[F]`
     sums: Vec<[f32; 4]>,
     /// Pixels, gradients and colours of one photo. `[F]`
     here: Vec<[AtomicU64; 5]>,
 }
 
-impl Candidates {
+impl PhotoCandidates {
     /// None yet of `faces` faces.
     pub(super) fn new(faces: usize) -> Self {
         let mut here = Vec::new();
         here.resize_with(faces, Default::default);
-        Self { of_face: vec![[NOBODY; CANDIDATES]; faces], sums: vec![[0.0; 4]; faces], here }
+        Self { of_face: vec![[NO_CANDIDATE; CANDIDATES]; faces], sums: vec![[0.0; 4]; faces], here }
     }
 
     /// Adds a photo.
@@ -74,7 +74,7 @@ impl Candidates {
             (0..3).for_each(|c| sums[c] += rgb[c] as f32);
             sums[3] += pixels as f32;
             let color = rgb.map(|sum| sum as f32 / pixels as f32);
-            let found = Candidate {
+            let found = PhotoCandidate {
                 view: view as u32,
                 quality: (gradient + MIN_GRADIENT * pixels) as f32,
                 color,
@@ -89,18 +89,18 @@ impl Candidates {
     }
 
     /// The best photo of every face of `mesh`.
-    pub(super) fn best(self, mesh: &Mesh) -> Best {
+    pub(super) fn best(self, mesh: &Mesh) -> BestPhotos {
         let vertices = welded(mesh);
         let costs: Vec<[f32; CANDIDATES]> = self.costs();
         let beside = links(&vertices);
         let label = propagated(&self.of_face, &costs, &beside);
         let view =
             label.iter().zip(&self.of_face).map(|(label, of_face)| of_face[*label as usize].view);
-        Best { view: view.collect(), vertices }
+        BestPhotos { view: view.collect(), vertices }
     }
 
     fn costs(&self) -> Vec<[f32; CANDIDATES]> {
-        let cost = |(candidates, sums): (&[Candidate; CANDIDATES], &[f32; 4])| {
+        let cost = |(candidates, sums): (&[PhotoCandidate; CANDIDATES], &[f32; 4])| {
             candidates.map(|candidate| {
                 if candidate.view == NONE {
                     return f32::INFINITY;
@@ -142,14 +142,14 @@ fn add_row(here: &[[AtomicU64; 5]], photo: &RgbImage, visibility: &Visibility, y
 }
 
 /// The best photo of every face, and the corners that faces share.
-pub(super) struct Best {
+pub(super) struct BestPhotos {
     /// Or [`NONE`]. `[F]`
     view: Vec<u32>,
     /// Corners of faces at one place have one number. `[F * 3]`
     vertices: Vec<u32>,
 }
 
-impl Best {
+impl BestPhotos {
     /// The best photo of a face.
     #[inline(always)]
     pub(super) fn view(&self, face: u32) -> u32 {
@@ -165,8 +165,7 @@ impl Best {
         views
     }
 
-    /// How many pairs of a place and a photo there are, and the number of the one of each corner.
-    /// `[F * 3]`
+    /// Number of each corner's pair of place and photo: equal pairs have equal numbers. `[F * 3]`
     pub(super) fn slots(&self) -> Vec<u32> {
         let key = |corner: usize| {
             u64::from(self.vertices[corner]) << 32 | u64::from(self.view[corner / 3])
@@ -197,16 +196,17 @@ fn welded(mesh: &Mesh) -> Vec<u32> {
     numbered(3 * mesh.face_count(), place)
 }
 
-/// Pairs of faces with a common edge, both ways, by the first of them: where those of each face
-/// begin, and the second.
-struct Links {
+/// Pairs of faces with a common edge, both ways, sorted by their first face.
+struct FacePairs {
+    /// Index of the first pair of each face. `[F + 1]`
     first: Vec<u32>,
+    /// The second face of each pair.
     other: Vec<u32>,
-    /// Where the same pair is, the other way.
+    /// Index of the same pair, the other way.
     back: Vec<u32>,
 }
 
-fn links(vertices: &[u32]) -> Links {
+fn links(vertices: &[u32]) -> FacePairs {
     let edge = |at: usize| {
         let face = at / 3;
         let k = at % 3;
@@ -233,14 +233,14 @@ fn links(vertices: &[u32]) -> Links {
         .iter()
         .map(|(a, b)| pairs.binary_search(&(*b, *a)).unwrap_or_default() as u32)
         .collect();
-    Links { first, other: pairs.into_iter().map(|pair| pair.1).collect(), back }
+    FacePairs { first, other: pairs.into_iter().map(|pair| pair.1).collect(), back }
 }
 
 /// The number of the candidate that every face takes.
 fn propagated(
-    of_face: &[[Candidate; CANDIDATES]],
+    of_face: &[[PhotoCandidate; CANDIDATES]],
     costs: &[[f32; CANDIDATES]],
-    beside: &Links,
+    beside: &FacePairs,
 ) -> Vec<u32> {
     // Belief-propagation messages, one per directed pair of neighbours.
     let mut messages = vec![[0.0f32; CANDIDATES]; beside.other.len()];

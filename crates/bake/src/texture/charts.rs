@@ -1,5 +1,4 @@
-//! Where the faces of a connected mesh are on the texture: in charts, which `uvunwrap` makes and
-//! packs.
+//! Charts: places of a connected mesh's faces on the texture. `uvunwrap` makes and packs them.
 //!
 //! First the mesh is unwrapped. Then its charts are packed once more, each with the number of
 //! texels that its size in the photos asks for.
@@ -13,12 +12,11 @@ use uvunwrap::{Density, MeshInput, Options, Packing};
 
 /// Free texels around each chart: two more mip levels do not bleed.
 const PADDING: u32 = 4;
-/// Texels this near to a face are its own where no other face is nearer: what samples between
-/// texels need.
+/// Maximum distance of a texel from its face, texels, as samples between texels need.
 const REACH: f32 = 1.5;
 /// Density of charts that no photo sees, as a share of the mean one.
 const UNSEEN_DENSITY: f32 = 0.1;
-/// Width and height are multiples of it, so that mip levels are means of whole texels.
+/// Width and height are multiples of this, so that mip levels are means of whole texels.
 const STEP: u32 = 32;
 /// Above this many faces charts are packed in rows, which takes less time.
 const ROWS_ABOVE: usize = 100_000;
@@ -29,15 +27,15 @@ pub(super) struct Charts {
     size: UVec2,
     /// Corners of faces, in texels from the middle of the first one. `[F]`
     corners: Vec<[Vec2; 3]>,
-    /// The face that a texel belongs to, or [`NOBODY`]. `[H * W]`
+    /// The face that a texel belongs to, or [`NO_FACE`]. `[H * W]`
     owner: Vec<u32>,
-    /// What was asked for, or less where the texture would be too large.
+    /// The requested density, or less where the texture would be too large.
     pub(super) texels_per_pixel: f64,
-    /// How many charts there are.
+    /// Number of charts.
     pub(super) count: u64,
 }
 
-const NOBODY: u32 = u32::MAX;
+const NO_FACE: u32 = u32::MAX;
 
 /// A chart of the first unwrapping, as it is packed again.
 #[derive(Default)]
@@ -55,7 +53,7 @@ impl Charts {
     ///
     /// # Errors
     ///
-    /// What cannot be unwrapped onto a texture of the largest size.
+    /// A mesh that cannot be unwrapped onto a texture of the largest size.
     pub(super) fn new(
         mesh: &mut Mesh,
         edges: &[[f32; 3]],
@@ -70,7 +68,7 @@ impl Charts {
         let positions: Vec<[f32; 3]> = mesh.positions.iter().map(Vec3::to_array).collect();
         let first = Options { packing: Packing::Fast, ..how };
         let unwrapped = uvunwrap::generate(&[MeshInput::new(&positions, &mesh.indices)], &first);
-        let charts = apart(mesh, &unwrapped.map_err(refused)?.meshes[0], edges);
+        let charts = split_into_charts(mesh, &unwrapped.map_err(refused)?.meshes[0], edges);
         let inputs: Vec<MeshInput<'_>> = charts.iter().map(Chart::input).collect();
         let wanted = options.texels_per_pixel as f32;
         let fixed =
@@ -107,9 +105,13 @@ impl Chart {
 }
 
 /// The charts of an unwrapped mesh, each with the mean number of pixels per unit of its faces.
-fn apart(mesh: &Mesh, unwrapped: &uvunwrap::OutputMesh, edges: &[[f32; 3]]) -> Vec<Chart> {
+fn split_into_charts(
+    mesh: &Mesh,
+    unwrapped: &uvunwrap::OutputMesh,
+    edges: &[[f32; 3]],
+) -> Vec<Chart> {
     let mut charts: Vec<Chart> = Vec::new();
-    // Those without a chart, which have no area, are one more.
+    // Faces without a chart, which have no area, are one more.
     let number = |face: usize| unwrapped.vertices[unwrapped.indices[3 * face] as usize].chart;
     let last = (0..mesh.face_count()).filter_map(number).max().map_or(0, |last| last as usize + 1);
     charts.resize_with(last + 1, Chart::default);
@@ -180,7 +182,7 @@ fn split(
 
 /// The face that is nearest to every texel, of those within [`REACH`] of it. `[H * W]`
 fn owners(corners: &[[Vec2; 3]], size: UVec2) -> Vec<u32> {
-    let mut owner = vec![NOBODY; size.element_product() as usize];
+    let mut owner = vec![NO_FACE; size.element_product() as usize];
     let mut distance = vec![REACH * REACH; owner.len()];
     let last = (size - 1).as_vec2();
     for (face, corners) in corners.iter().enumerate() {

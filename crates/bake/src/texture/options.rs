@@ -1,11 +1,11 @@
-//! Whether there is a texture, and how fine it is.
+//! Options of the texture.
 
 use std::path::Path;
 use trisplat_formats::output::OutputFormat;
 use trisplat_scene::ranges::{self, Called};
 use trisplat_scene::{Error, Result};
 
-/// Which photos a texture shows.
+/// Source of the texels.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -19,7 +19,7 @@ pub enum TextureDetail {
     Best,
 }
 
-/// Whether there is a texture.
+/// Condition for a texture.
 #[derive(
     Debug,
     Clone,
@@ -43,7 +43,7 @@ pub enum TextureWhen {
     Auto,
 }
 
-/// Whether the scene gets a texture.
+/// Options of the texture.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
@@ -83,12 +83,12 @@ impl TextureOptions {
         texture_detail: TextureDetail::Auto,
     };
 
-    /// Whether there may be a texture.
+    /// True if there may be a texture.
     pub fn is_wanted(&self) -> bool {
         self.texture != TextureWhen::Off
     }
 
-    /// Whether files of a format hold the texture, if there is one.
+    /// Refuses a format that holds no texture, if there is one.
     ///
     /// # Errors
     ///

@@ -15,7 +15,7 @@
 //! Sums are whole numbers: their order, and with it the number of threads, does not matter.
 
 use super::atlas::Layout;
-use super::best::{Best, Candidates};
+use super::best::{BestPhotos, PhotoCandidates};
 use crate::views::Views;
 use glam::{UVec2, Vec2};
 use std::sync::atomic::{AtomicI32, Ordering};
@@ -30,10 +30,10 @@ use trisplat_scene::{Result, parallel};
 /// One in the sums.
 const UNIT: f32 = 4096.0;
 
-/// The texels and what photos say of them.
+/// The texels and the sums of the photos.
 pub(super) struct Texels {
     size: UVec2,
-    /// Those that triangles show. `[H * W]`
+    /// True for texels that triangles show. `[H * W]`
     owned: Vec<bool>,
     /// Before photos were added: sRGB-encoded, 0 to 255. `[H * W]`
     values: Vec<[f32; 3]>,
@@ -41,12 +41,12 @@ pub(super) struct Texels {
     sums: Vec<[AtomicI32; 4]>,
 }
 
-/// Which pixels are added.
-pub(super) enum Adding<'a> {
+/// Pixels to add.
+pub(super) enum PixelSelection<'a> {
     /// All, and photos become candidates for what they show best.
-    All(&'a mut Candidates),
+    All(&'a mut PhotoCandidates),
     /// Of every face those of its best photo.
-    Best(&'a Best),
+    Best(&'a BestPhotos),
 }
 
 impl Texels {
@@ -90,7 +90,7 @@ impl Texels {
         views: &mut Views,
         layout: &impl Layout,
         chosen: &[usize],
-        mut adding: Adding<'_>,
+        mut adding: PixelSelection<'_>,
         mut progress: StageProgress<'_>,
     ) -> Result<()> {
         let drawing = views.drawing(mesh, 1);
@@ -102,21 +102,27 @@ impl Texels {
             let camera = views.camera(view);
             let visibility = solid.visibility(mesh, camera, &drawing);
             let best = match &mut adding {
-                Adding::All(candidates) => {
+                PixelSelection::All(candidates) => {
                     candidates.add(view, &photo, visibility);
                     None
                 }
-                Adding::Best(best) => Some((*best, view as u32)),
+                PixelSelection::Best(best) => Some((*best, view as u32)),
             };
-            let observation =
-                Observation { texels: self, layout, mesh, camera, photo: &photo, visibility, best };
+            let observation = TexelObservation {
+                texels: self,
+                layout,
+                mesh,
+                camera,
+                photo: &photo,
+                visibility,
+                best,
+            };
             parallel::for_each(0..photo.size.y, |_, y| observation.add_row(y));
         }
         Ok(())
     }
 
-    /// What the sums change about a texel, when they are pulled to what it was by `flatness`
-    /// pixels.
+    /// Change of a texel by the sums, pulled to its old value by `flatness` pixels.
     #[inline(always)]
     fn step(&self, texel: usize, flatness: f32) -> [f32; 3] {
         let [r, g, b, weight] =
@@ -152,7 +158,7 @@ impl Texels {
     /// Adds the detail of each face's best photo to what texels are: what its pixels, which were
     /// added, show more than them, without what is the same all over. So photos of other exposure,
     /// or of other colour from their side, meet without seams.
-    pub(super) fn sharpen(&mut self, layout: &impl Layout, best: &Best, flatness: f32) {
+    pub(super) fn sharpen(&mut self, layout: &impl Layout, best: &BestPhotos, flatness: f32) {
         let slot_of = best.slots();
         let width = self.size.x as usize;
         let number = |at: UVec2| at.y as usize * width + at.x as usize;
@@ -193,7 +199,7 @@ impl Texels {
 }
 
 /// A photo and what it sees.
-struct Observation<'a, L> {
+struct TexelObservation<'a, L> {
     texels: &'a Texels,
     layout: &'a L,
     mesh: &'a Mesh,
@@ -201,10 +207,10 @@ struct Observation<'a, L> {
     photo: &'a RgbImage,
     visibility: &'a Visibility,
     /// Only pixels of faces whose best view is this one.
-    best: Option<(&'a Best, u32)>,
+    best: Option<(&'a BestPhotos, u32)>,
 }
 
-impl<L: Layout> Observation<'_, L> {
+impl<L: Layout> TexelObservation<'_, L> {
     /// Adds a row of pixels to the sums.
     fn add_row(&self, y: u32) {
         let barycentrics = Barycentrics::new(self.mesh, self.camera, 1);
@@ -258,7 +264,7 @@ const DILATION: usize = 4;
 /// The texels of a picture.
 pub(super) struct Page {
     pub(super) size: UVec2,
-    /// Those that have a colour. `[H * W]`
+    /// True for texels that have a colour. `[H * W]`
     pub(super) owned: Vec<bool>,
     /// sRGB-encoded, 0 to 255. `[H * W]`
     pub(super) values: Vec<[f32; 3]>,
