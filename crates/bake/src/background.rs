@@ -109,28 +109,28 @@ trisplat_scene::stage!(BackgroundDetails, "background");
 /// Drops the triangles of a soft `scene` that show only its background, unless there are `photos`.
 pub fn background(
     scene: &mut ImportedScene,
-    photos: bool,
+    has_photos: bool,
     options: &BackgroundOptions,
     details: &mut BackgroundDetails,
 ) -> Outcome<()> {
-    let given = match options.background {
+    let requested = match options.background {
         BackgroundFrom::Off => return Outcome::Skipped("`background` off"),
         BackgroundFrom::Auto => None,
         BackgroundFrom::Color(color) => Some(color.to_f32()),
     };
     let soup = match soft_soup(&scene.scene) {
-        Ok(_) if photos => return Outcome::Skipped(HAS_PHOTOS),
+        Ok(_) if has_photos => return Outcome::Skipped(HAS_PHOTOS),
         Ok(soup) => soup,
         Err(why) => return Outcome::Skipped(why),
     };
     let cameras = viewpoints(scene).map_or(Vec::new(), |viewpoints| viewpoints.cameras);
-    let Some(found) = Background::of(soup, &cameras, given) else {
+    let Some(background) = Background::of(soup, &cameras, requested) else {
         return Outcome::Skipped("the borders of its pictures have no common colour");
     };
     details.object = true;
     details.color =
-        found.rgb.map(|rgb| Color(rgb.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8)));
-    let is_object = found.is_object;
+        background.rgb.map(|rgb| Color(rgb.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8)));
+    let is_object = background.is_object;
     if is_object.iter().all(|object| *object) || !is_object.contains(&true) {
         return Outcome::Skipped("no triangle shows the background alone");
     }

@@ -61,9 +61,9 @@ pub(super) fn check_dataset(
 /// The photo without the pixels that show no face.
 fn masked_to_faces(photo: &RgbImage, faces: &[u32]) -> RgbImage {
     let alpha = |i: usize| photo.alpha.as_ref().map_or(u8::MAX, |alpha| alpha[i]);
-    let seen =
+    let alphas =
         faces.iter().enumerate().map(|(i, face)| if *face == NO_FACE { 0 } else { alpha(i) });
-    RgbImage { alpha: Some(seen.collect()), ..photo.clone() }
+    RgbImage { alpha: Some(alphas.collect()), ..photo.clone() }
 }
 
 /// Excess of the drawings' correlation with their own photos over that with others of the same size.
@@ -73,9 +73,9 @@ fn own_resemblance(pictures: &[RgbImage], photos: &[Arc<RgbImage>]) -> f64 {
     for (i, picture) in pictures.iter().enumerate() {
         for (j, photo) in photos.iter().enumerate().filter(|(_, photo)| photo.size == picture.size)
         {
-            let to = if i == j { &mut own } else { &mut others };
-            to.0 += correlation(&picture.rgb, &photo.rgb, photo.alpha.as_deref());
-            to.1 += 1.0;
+            let sum = if i == j { &mut own } else { &mut others };
+            sum.0 += correlation(&picture.rgb, &photo.rgb, photo.alpha.as_deref());
+            sum.1 += 1.0;
         }
     }
     own.0 / f64::max(own.1, 1.0) - others.0 / f64::max(others.1, 1.0)

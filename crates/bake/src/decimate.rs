@@ -228,7 +228,9 @@ impl CellGrid {
     /// Area of some faces in every cell.
     fn areas(&self, mesh: &Mesh, faces: impl Iterator<Item = usize>) -> HashMap<[i32; 3], f64> {
         let mut sums = HashMap::new();
-        faces.for_each(|f| *sums.entry(self.of(mesh.centroid(f))).or_default() += mesh.area(f));
+        for face in faces {
+            *sums.entry(self.of(mesh.centroid(face))).or_default() += mesh.area(face);
+        }
         sums
     }
 }

@@ -106,13 +106,13 @@ pub fn lit(
         return Ok(Outcome::Skipped("there is no face without a normal"));
     }
     let cameras: Vec<&Camera> = sampled_cameras(cameras).collect();
-    let seen = face_fronts(mesh, &cameras);
+    let fronts = face_fronts(mesh, &cameras);
     details.cameras = cameras.len() as u64;
     details.unseen =
-        seen.iter().filter(|seen| !cameras.is_empty() && seen.weight == 0.0).count() as u64;
+        fronts.iter().filter(|fronts| !cameras.is_empty() && fronts.weight == 0.0).count() as u64;
     mesh.normals = match options.lit {
-        Lit::Smooth => smooth(mesh, &seen, surface, details),
-        _ => seen.iter().map(|seen| seen.normal).collect(),
+        Lit::Smooth => smooth(mesh, &fronts, surface, details),
+        _ => fronts.iter().map(|fronts| fronts.normal).collect(),
     };
     // An engine reverses the normal of a face seen from behind. So a face must show its front to
     // everyone who sees the front of the surface, even if it leans away from it. One that is drawn
@@ -123,10 +123,10 @@ pub fn lit(
             details.flipped += 1;
         }
     }
-    let mut angles: Vec<f32> = seen
+    let mut angles: Vec<f32> = fronts
         .iter()
         .zip(&mesh.normals)
-        .map(|(seen, n)| seen.normal.angle_between(*n).to_degrees())
+        .map(|(fronts, n)| fronts.normal.angle_between(*n).to_degrees())
         .collect();
     let middle = angles.len() / 2;
     details.median_angle = *angles.select_nth_unstable_by(middle, f32::total_cmp).1;
@@ -154,42 +154,43 @@ fn face_fronts(mesh: &Mesh, cameras: &[&Camera]) -> Vec<FaceFront> {
     for camera in cameras {
         let camera = camera.fit_within(SIDE);
         let eye = camera.position();
-        let shown = solid.visibility(mesh, &camera, &drawing);
-        for &face in shown.face.iter().filter(|face| **face != NO_FACE) {
+        let visibility = solid.visibility(mesh, &camera, &drawing);
+        for &face in visibility.face.iter().filter(|face| **face != NO_FACE) {
             let face = face as usize;
             let behind = mesh.flat_normal(face).dot(eye - mesh.corners(face)[0]) < 0.0;
             pixels[face][usize::from(behind)] += 1;
         }
     }
-    let seen = |face: usize| {
+    let front_of = |face: usize| {
         let [front, back] = pixels[face];
         let normal = mesh.flat_normal(face);
         let weight =
             if cameras.is_empty() { mesh.area(face) as f32 } else { (front + back) as f32 };
         FaceFront { normal: if back > front { -normal } else { normal }, weight }
     };
-    parallel::collect(pixels.len(), GRAIN, seen)
+    parallel::collect(pixels.len(), GRAIN, front_of)
 }
 
 /// Smooth normals from the surface or the neighbourhood.
 fn smooth(
     mesh: &Mesh,
-    seen: &[FaceFront],
+    fronts: &[FaceFront],
     surface: Option<&Mesh>,
     details: &mut LitDetails,
 ) -> Vec<Vec3> {
     let of_surface = surface.map(SurfaceNormals::of);
-    let around = NormalCells::of(mesh, seen);
+    let around = NormalCells::of(mesh, fronts);
     let normal = |face: usize| {
-        let seen = &seen[face];
+        let fronts = &fronts[face];
         let centroid = mesh.centroid(face);
-        let of_surface = of_surface.as_ref().and_then(|surface| surface.at(centroid, seen.normal));
+        let of_surface =
+            of_surface.as_ref().and_then(|surface| surface.at(centroid, fronts.normal));
         match of_surface {
             Some(normal) => (normal, 1),
-            None => (around.at(centroid, seen.normal), 0),
+            None => (around.at(centroid, fronts.normal), 0),
         }
     };
-    let normals: Vec<(Vec3, u64)> = parallel::collect(seen.len(), 1, normal);
+    let normals: Vec<(Vec3, u64)> = parallel::collect(fronts.len(), 1, normal);
     details.on_surface = normals.iter().map(|(_, on)| on).sum();
     normals.into_iter().map(|(normal, _)| normal).collect()
 }
@@ -207,7 +208,9 @@ impl SurfaceNormals {
         let mut sums = vec![Vec3::ZERO; surface.vertex_count()];
         for face in 0..surface.face_count() {
             let normal = surface.flat_normal(face) * surface.area(face) as f32;
-            surface.face(face).iter().for_each(|v| sums[*v as usize] += normal);
+            for vertex in surface.face(face) {
+                sums[vertex as usize] += normal;
+            }
         }
         let mut cells: HashMap<IVec3, Vec<(Vec3, Vec3)>> = HashMap::new();
         for (position, sum) in surface.positions.iter().zip(sums) {

@@ -208,7 +208,9 @@ pub(super) fn rebase(loaded: &mut ImportedScene, frame: &Placement) {
         Scene::Mesh(mesh) => {
             mesh.positions.iter_mut().for_each(place);
             let rotation = moved.rotation();
-            mesh.normals.iter_mut().for_each(|n| *n = (rotation * n.as_dvec3()).as_vec3());
+            for normal in &mut mesh.normals {
+                *normal = (rotation * normal.as_dvec3()).as_vec3();
+            }
         }
     }
     let to_file = |camera| frames::to_file(camera, &moved, DVec3::ZERO);

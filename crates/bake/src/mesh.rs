@@ -63,9 +63,9 @@ impl MeshOptions {
     }
 
     /// Refuses a texture when no photos are given.
-    pub fn check_photos(&self, given: bool) -> Result<()> {
+    pub fn check_photos(&self, has_photos: bool) -> Result<()> {
         let wants = "photos: give the data set after the scene, as in trisplat mesh scene.ply photos --texture -o room.glb";
-        if self.texture.is_wanted() && !given {
+        if self.texture.is_wanted() && !has_photos {
             Err(Error::invalid("texture", "given without photos", wants))
         } else {
             Ok(())
@@ -94,11 +94,11 @@ pub fn mesh(
         views.show_part(options.crop.is_cropped());
     }
     let cameras = views.as_deref().map_or(&[][..], Views::cameras);
-    let known = if cameras.is_empty() { scene.cameras.clone() } else { cameras.to_vec() };
+    let scene_cameras = if cameras.is_empty() { scene.cameras.clone() } else { cameras.to_vec() };
     // A surface that shows photos gets their background, too; a cropped part gets none.
-    let behind =
+    let backdrop =
         if options.texture.is_wanted() && !options.surface.shell && !options.crop.is_cropped() {
-            take_behind(&mut scene, &known)?
+            take_behind(&mut scene, &scene_cameras)?
         } else {
             Mesh::default()
         };
@@ -108,29 +108,30 @@ pub fn mesh(
     // The subject is cut from the surface: a scene that is cut first has pictures that are torn
     // along its triangles.
     let whole = options.crop.is_subject().then(|| scene.clone());
-    let (scene, volume) = cropped(scene, &known, options, report, observer)?;
-    let keep = volume.map(|volume| {
-        let known = &known;
+    let (scene, volume) = cropped(scene, &scene_cameras, options, report, observer)?;
+    let is_kept = volume.map(|volume| {
+        let scene_cameras = &scene_cameras;
         let crop = &options.crop;
-        move |mesh: &Mesh| faces_within(mesh, &volume, known, crop)
+        move |mesh: &Mesh| faces_within(mesh, &volume, scene_cameras, crop)
     });
     let bounds = || scene.scene.bounds(scene.scene.triangle_count());
-    let part = keep.as_ref().and_then(|keep| Some(Part { bounds: bounds()?, keep }));
+    let part = is_kept.as_ref().and_then(|is_kept| Some(Part { bounds: bounds()?, keep: is_kept }));
     let scene = whole.unwrap_or(scene);
-    let how_many = options.surface.max_triangles;
+    let max_triangles = options.surface.max_triangles;
     let surface_options = SurfaceOptions {
-        max_triangles: how_many.map(|most| most - (behind.face_count() as u32).min(most / 2)),
+        max_triangles: max_triangles
+            .map(|most| most - (backdrop.face_count() as u32).min(most / 2)),
         ..options.surface.clone()
     };
 
-    let (found, _) = report.long_stage(
+    let (surface_mesh, _) = report.long_stage(
         observer,
         Mesh::default(),
         // First the scene for the surface.
         |mesh| if mesh.face_count() == 0 { scene.scene.counts() } else { Mesh::counts(mesh) },
         |mesh, details: &mut SurfaceDetails, progress| {
             let part = part.as_ref();
-            let found = surface_of_part(
+            let surface_mesh = surface_of_part(
                 &scene,
                 cameras,
                 part,
@@ -139,16 +140,16 @@ pub fn mesh(
                 details,
                 progress,
             )?;
-            *mesh = found.ok_or_else(nothing)?;
+            *mesh = surface_mesh.ok_or_else(nothing)?;
             Ok(Outcome::Changed(()))
         },
     )?;
 
-    let mut found = found;
-    let backdrop_faces = behind.face_count();
-    found.append(behind)?;
-    let (found, texture_details) =
-        report.long_stage(observer, found, Mesh::counts, |mesh, details, progress| {
+    let mut surface_mesh = surface_mesh;
+    let backdrop_faces = backdrop.face_count();
+    surface_mesh.append(backdrop)?;
+    let (surface_mesh, texture_details) =
+        report.long_stage(observer, surface_mesh, Mesh::counts, |mesh, details, progress| {
             texture(mesh, views.as_deref_mut(), None, &options.texture, details, progress)
         })?;
     report.warnings.extend(texture_details.warning());
@@ -156,18 +157,20 @@ pub fn mesh(
     let mut provenance = Provenance { backdrop: backdrop_faces as u32, ..scene.provenance };
     let points = views.as_deref().map_or(&[][..], Views::points);
     let mut placement = Placement::IDENTITY;
-    let (found, place_details) = report.stage(observer, found, Mesh::counts, |mesh, details| {
-        let evidence = Evidence { cameras: &known, points };
-        let is_subject = options.crop.is_subject();
-        let options = &options.place;
-        placement = placement_of(is_subject, mesh, &provenance, evidence, options, details);
-        place(mesh, &mut provenance, placement, details)
-    })?;
+    let (surface_mesh, place_details) =
+        report.stage(observer, surface_mesh, Mesh::counts, |mesh, details| {
+            let evidence = Evidence { cameras: &scene_cameras, points };
+            let is_subject = options.crop.is_subject();
+            let options = &options.place;
+            placement = placement_of(is_subject, mesh, &provenance, evidence, options, details);
+            place(mesh, &mut provenance, placement, details)
+        })?;
     report.warnings.extend(place_details.warning());
     provenance.generator = Some(generator());
-    let cameras = known.iter().map(|camera| frames::to_file(camera, &placement, DVec3::ZERO));
+    let cameras =
+        scene_cameras.iter().map(|camera| frames::to_file(camera, &placement, DVec3::ZERO));
     let cameras: Vec<Camera> = cameras.collect();
-    let mut asset = Asset { provenance, ..Asset::from(found) };
+    let mut asset = Asset { provenance, ..Asset::from(surface_mesh) };
     asset.chunks = scene_and_backdrop(&asset);
     by_material(&mut asset);
     let (asset, _) = report.stage(observer, asset, Asset::counts, |asset, details| {

@@ -214,14 +214,14 @@ impl BakeOptions {
             self.sides.sides = Sides::Both;
         }
         self.validate()?;
-        let beside = SideFiles {
+        let side_files = SideFiles {
             levels: self.lod.lod.len(),
             backdrop: self.backdrop.backdrop == BackdropWhen::File,
             sky: self.backdrop.backdrop == BackdropWhen::Sky,
             collision: self.collision.collision,
             texture: self.texture.is_wanted(),
         };
-        Output::of_scene(path, Some(format), &self.output, &beside)
+        Output::of_scene(path, Some(format), &self.output, &side_files)
     }
 
     /// Checks the ranges that need no scene; stages check the rest.

@@ -187,7 +187,9 @@ pub fn place(
     let transform = placement.transform();
     parallel::for_each_mut(&mut mesh.positions, 1 << 14, |_, p| *p = transform(*p));
     let rotation = placement.rotation();
-    mesh.normals.iter_mut().for_each(|n| *n = (rotation * n.as_dvec3()).as_vec3());
+    for normal in &mut mesh.normals {
+        *normal = (rotation * normal.as_dvec3()).as_vec3();
+    }
     if !all_finite(bytemuck::cast_slice(&mesh.positions)) {
         Err(Error::invalid("scale", placement.scale, "a factor that keeps every position finite"))
     } else {
@@ -212,35 +214,35 @@ pub(crate) fn placement_of(
         return placement(mesh, provenance, known, options, details);
     }
     let grounded = PlaceOptions { ground: true, ..options.clone() };
-    let how = placement(mesh, provenance, known, &grounded, details);
+    let placement = placement(mesh, provenance, known, &grounded, details);
     let scene = Foreground::new(mesh, provenance.backdrop);
-    details.ground = ground::under(scene, details.ground, how.up.vector());
-    let Some(floor) = details.ground else { return how };
-    let how = standing(scene, how, floor);
+    details.ground = ground::under(scene, details.ground, placement.up.vector());
+    let Some(floor) = details.ground else { return placement };
+    let placement = standing(scene, placement, floor);
     // Whoever turns it chooses where it faces.
-    let turn = if options.rotate == 0.0 { front(mesh, &how, known.cameras) } else { None };
-    turn.map_or(how, |rotate| standing(scene, Placement { rotate, ..how }, floor))
+    let turn = if options.rotate == 0.0 { front(mesh, &placement, known.cameras) } else { None };
+    turn.map_or(placement, |rotate| standing(scene, Placement { rotate, ..placement }, floor))
 }
 
 /// The same placement with the origin under the middle of the bounds, at the height `floor`.
-fn standing(scene: Foreground, how: Placement, floor: f64) -> Placement {
-    let turned = Placement { center: [0.0; 3], scale: 1.0, ..how };
+fn standing(scene: Foreground, placement: Placement, floor: f64) -> Placement {
+    let turned = Placement { center: [0.0; 3], scale: 1.0, ..placement };
     let turn = turned.transform();
     let [low, high] = bounds(scene.vertices().iter().map(|place| turn(*place))).unwrap_or_default();
     let middle = (low + high) / 2.0;
     let under = turned.to_world_f64(Vec3::new(middle.x, floor as f32, middle.z));
-    Placement { center: under.to_array(), ..how }
+    Placement { center: under.to_array(), ..placement }
 }
 
 /// The turn about the up axis, degrees, after which the first viewpoint of a subject placed by
 /// `how` is towards +Z. `None` without cameras, which alone know its front.
-fn front(mesh: &Mesh, how: &Placement, cameras: &[Camera]) -> Option<f64> {
+fn front(mesh: &Mesh, placement: &Placement, cameras: &[Camera]) -> Option<f64> {
     if cameras.is_empty() {
         return None;
     }
     let cameras: Vec<Camera> =
-        cameras.iter().map(|c| frames::to_file(c, how, DVec3::ZERO)).collect();
-    let transform = how.transform();
+        cameras.iter().map(|c| frames::to_file(c, placement, DVec3::ZERO)).collect();
+    let transform = placement.transform();
     let corners = |face: usize| mesh.corners(face).map(&transform);
     let count = mesh.face_count();
     let up = Vec3::Y;

@@ -129,14 +129,14 @@ fn check_scale(
 ) -> Result<()> {
     let finite = (0..verdicts.len()).filter(|i| verdicts[*i] != PruneDecision::NonFinite);
     let reaches: Vec<f32> = finite.map(|i| reach(&corners(i))).collect();
-    let most = reaches.iter().copied().fold(0.0, f32::max);
+    let farthest = reaches.iter().copied().fold(0.0, f32::max);
     let typical = median(reaches, f32::total_cmp).unwrap_or(0.0);
     if typical < STRAYS * REACH {
         return Ok(());
     }
     let what =
         format!("{far} of {} triangles farther than {REACH:e} from the origin", verdicts.len());
-    let exponent = -f64::from(most).log10().ceil() as i32;
+    let exponent = -f64::from(farthest).log10().ceil() as i32;
     let wants = format!(
         "coordinates that engines can draw; multiply those of the file by 1e{exponent}, say"
     );

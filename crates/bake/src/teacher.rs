@@ -110,10 +110,10 @@ trisplat_scene::stage!(TeacherDetails, "teacher");
 pub fn teacher(
     views: &mut Option<Views>,
     scene: &ImportedScene,
-    photos: bool,
-    behind: Option<[f32; 3]>,
+    has_photos: bool,
+    object_background: Option<[f32; 3]>,
     options: &TeacherOptions,
-    solidly: &SolidOptions,
+    solid_options: &SolidOptions,
     details: &mut TeacherDetails,
 ) -> Result<Outcome<()>> {
     options.validate()?;
@@ -124,18 +124,18 @@ pub fn teacher(
         Ok(soup) => soup,
         Err(why) => return Ok(Outcome::Skipped(why)),
     };
-    if photos {
+    if has_photos {
         let stored = (!scene.cameras.is_empty()).then(|| viewpoints(scene)).flatten();
         details.softness =
-            softness_from(soup, &stored.map_or(Vec::new(), |all| all.cameras), solidly)?;
+            softness_from(soup, &stored.map_or(Vec::new(), |all| all.cameras), solid_options)?;
         return Ok(Outcome::Skipped(HAS_PHOTOS));
     }
     let Some(viewpoints) = viewpoints(scene) else {
         return Ok(Outcome::Skipped("the scene stores no cameras and shows nothing from anywhere"));
     };
-    details.softness = softness_from(soup, &viewpoints.cameras, solidly)?;
+    details.softness = softness_from(soup, &viewpoints.cameras, solid_options)?;
     details.viewpoints = Some(viewpoints.kind);
-    let drawn = at_most(options.teacher_pictures, scene, behind, viewpoints.cameras);
+    let drawn = at_most(options.teacher_pictures, scene, object_background, viewpoints.cameras);
     if drawn.covered() < MIN_COVERED {
         return Ok(Outcome::Skipped("the scene's cameras see nothing of it"));
     }
@@ -212,33 +212,38 @@ pub(super) fn solid_views(
 /// The soft pictures of `scene` from `cameras` in its frame, or from an evenly spaced selection
 /// when these are too many. With a colour that is `behind` an object, they are transparent where
 /// they show it.
-pub fn pictures(scene: &ImportedScene, behind: Option<[f32; 3]>, cameras: Vec<Camera>) -> Views {
-    at_most(None, scene, behind, cameras)
+pub fn pictures(
+    scene: &ImportedScene,
+    object_background: Option<[f32; 3]>,
+    cameras: Vec<Camera>,
+) -> Views {
+    at_most(None, scene, object_background, cameras)
 }
 
 /// The same, limited in number.
 fn at_most(
-    most: Option<u32>,
+    max_pictures: Option<u32>,
     scene: &ImportedScene,
-    behind: Option<[f32; 3]>,
+    object_background: Option<[f32; 3]>,
     cameras: Vec<Camera>,
 ) -> Views {
     let cameras = within_budget(cameras);
-    let most = most.map_or(cameras.len(), |most| cameras.len().min(most as usize));
+    let max_pictures =
+        max_pictures.map_or(cameras.len(), |max_pictures| cameras.len().min(max_pictures as usize));
     let mut teacher = Teacher::new(scene.scene.to_soup(), &cameras, &SoftOptions::default());
-    let mut chosen: Vec<usize> = spread(cameras.len()).take(most).collect();
+    let mut chosen: Vec<usize> = spread(cameras.len()).take(max_pictures).collect();
     chosen.sort_unstable();
     let picture = |view: usize| {
         let camera = &cameras[view];
-        let picture = match behind {
-            Some(behind) => teacher.object_picture(camera, behind),
+        let picture = match object_background {
+            Some(object_background) => teacher.object_picture(camera, object_background),
             None => teacher.weighted_picture(camera),
         };
         (*camera, picture)
     };
     let (chosen, pictures) = chosen.into_iter().map(picture).unzip();
     let views = Views::drawn(chosen, pictures);
-    if behind.is_some() { views.of_object() } else { views }
+    if object_background.is_some() { views.of_object() } else { views }
 }
 
 /// The numbers below `count` in bit-reversed order, in which every prefix is spread evenly.

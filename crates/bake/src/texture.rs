@@ -178,12 +178,12 @@ fn paint(
     if !held_out.is_empty() {
         let colors = before.map_or_else(|| views.mean_scores(mesh, &held_out), Ok)?;
         mesh.texture = painted(&texels, flatness(others.len()));
-        let shown = views.mean_scores(mesh, &held_out)?;
+        let texel_scores = views.mean_scores(mesh, &held_out)?;
         mesh.texture = None;
         details.psnr_before = Some(colors.psnr);
-        details.psnr_after = Some(shown.psnr);
+        details.psnr_after = Some(texel_scores.psnr);
         details.ssim_before = Some(colors.ssim);
-        details.ssim_after = Some(shown.ssim);
+        details.ssim_after = Some(texel_scores.ssim);
         if options.texture == TextureWhen::Auto && details.colors_are_better() {
             return Ok(Outcome::Skipped("held-out photos match the colours better than texels"));
         }

@@ -47,8 +47,8 @@ impl TilesOptions {
     /// Shares of the triangles in the levels coarser than the finest, for a scene of `faces`
     /// triangles.
     pub fn shares(&self, faces: usize) -> Vec<f64> {
-        let most = f64::from(self.tile_triangles);
-        let fits = |levels: u32| faces as f64 / 4f64.powi(levels as i32) <= most;
+        let max_triangles = f64::from(self.tile_triangles);
+        let fits = |levels: u32| faces as f64 / 4f64.powi(levels as i32) <= max_triangles;
         let levels = (0..MAX_LEVELS).find(|levels| fits(*levels)).unwrap_or(MAX_LEVELS);
         (1..=levels).map(|level| 0.25f64.powi(level as i32)).collect()
     }
@@ -220,7 +220,9 @@ mod tests {
             .collect();
         let cells = TileCells::new(&points, 4);
         let mut counts = [0; 16];
-        points.iter().for_each(|point| counts[cells.of(*point) as usize] += 1);
+        for point in &points {
+            counts[cells.of(*point) as usize] += 1;
+        }
         assert!(counts.iter().all(|count| (250..=262).contains(count)), "{counts:?}");
         // The order of the points does not matter.
         let backwards: Vec<[f32; 3]> = points.iter().rev().copied().collect();

@@ -157,7 +157,7 @@ pub fn unseen(
     let kept_unseen =
         if hidden as f64 <= FEW_HIDDEN * ranked.len() as f64 { outside + hidden } else { outside };
     // Faces that are seen enough come first among the seen ones.
-    let seen = if options.keep_unseen {
+    let seen_enough = if options.keep_unseen {
         visible
     } else {
         ranked[..visible]
@@ -165,19 +165,20 @@ pub fn unseen(
             .max(1)
     };
     let needed =
-        if options.keep_unseen || visible == 0 { ranked.len() } else { seen + kept_unseen };
+        if options.keep_unseen || visible == 0 { ranked.len() } else { seen_enough + kept_unseen };
     if needed < ranked.len() {
         // Kept ones come before hardly seen ones.
-        ranked[seen..visible + kept_unseen].rotate_left(visible - seen);
+        ranked[seen_enough..visible + kept_unseen].rotate_left(visible - seen_enough);
     }
-    let [seen, needed] = protected_first(&mut ranked, &limit.protected, [seen, needed]);
+    let [seen_enough, needed] =
+        protected_first(&mut ranked, &limit.protected, [seen_enough, needed]);
     let mut keep = needed.min(max_faces);
-    let decimates = keep < seen || options.max_error.is_some();
+    let decimates = keep < seen_enough || options.max_error.is_some();
     let mut decimation =
         decimates.then(|| Decimation::new(mesh, cameras).protecting(&limit.protected));
     if let Some(decimation) = &mut decimation {
         let fewest = if options.max_error.is_some() { visible / FEWEST } else { keep }.max(1);
-        let candidates = &mut ranked[..seen];
+        let candidates = &mut ranked[..seen_enough];
         let progress = progress.part(DRAWING_PART, MOVING_PART);
         let best = decimation.rank_by_importance(&visible_area, candidates, fewest, progress);
         candidates.copy_from_slice(&best);
@@ -216,8 +217,8 @@ pub fn masked(
         return Ok(None);
     };
     let shares = counted_share(mesh, views, progress)?;
-    let least = if views.are_cut() { MIN_UNMASKED_SHARE_OF_OBJECT } else { MIN_UNMASKED_SHARE };
-    let stays = |share: &Option<f32>| share.is_none_or(|share| share >= least);
+    let min_share = if views.are_cut() { MIN_UNMASKED_SHARE_OF_OBJECT } else { MIN_UNMASKED_SHARE };
+    let stays = |share: &Option<f32>| share.is_none_or(|share| share >= min_share);
     let kept: Vec<u32> =
         (0..).zip(&shares).filter(|(_, share)| stays(share)).map(|(face, _)| face).collect();
     // Masks that would remove everything are not masks of this scene.

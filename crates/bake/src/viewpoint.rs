@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn what_the_input_says_is_kept_unless_photos_know_better() {
-        let said = Viewpoint {
+        let stored = Viewpoint {
             eye: [0.0; 3],
             target: [1.0; 3],
             up: [0.0, 1.0, 0.0],
@@ -106,12 +106,13 @@ mod tests {
             orbit: None,
         };
         let mut asset = spheres();
-        asset.provenance.viewpoint = Some(said);
+        asset.provenance.viewpoint = Some(stored);
         viewpoint(&mut asset, &[], &mut ViewpointDetails::default());
-        assert_eq!(asset.provenance.viewpoint, Some(said));
+        assert_eq!(asset.provenance.viewpoint, Some(stored));
         let size = glam::UVec2::splat(100);
-        let camera = said.camera(size).with_look_at(Vec3::new(0.5, 1.0, 2.5), Vec3::ZERO, Vec3::Y);
+        let camera =
+            stored.camera(size).with_look_at(Vec3::new(0.5, 1.0, 2.5), Vec3::ZERO, Vec3::Y);
         viewpoint(&mut asset, &[camera], &mut ViewpointDetails::default());
-        assert_ne!(asset.provenance.viewpoint, Some(said));
+        assert_ne!(asset.provenance.viewpoint, Some(stored));
     }
 }

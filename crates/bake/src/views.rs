@@ -311,7 +311,9 @@ impl Views {
                 let [black, white] = [scores(&black.0, black.1), scores(&white.0, white.1)];
                 std::array::from_fn(|i| (black[i] + white[i]) / 2.0)
             };
-            sums.iter_mut().zip(of_view).for_each(|(sum, score)| *sum += score);
+            for (sum, score) in sums.iter_mut().zip(of_view) {
+                *sum += score;
+            }
         }
         Ok(sums.map(|sum| sum / f64::from(count.max(1))))
     }
@@ -320,8 +322,11 @@ impl Views {
 /// A photo without the pixels where nothing is `seen`; `None` when that is everywhere.
 fn covered(photo: &RgbImage, seen: &Visibility) -> Option<RgbImage> {
     let mut alpha = photo.alpha.clone().unwrap_or_else(|| vec![u8::MAX; photo.rgb.len()]);
-    let outside = seen.face.iter().map(|face| *face == NO_FACE);
-    alpha.iter_mut().zip(outside).filter(|(_, outside)| *outside).for_each(|(alpha, _)| *alpha = 0);
+    for (alpha, face) in alpha.iter_mut().zip(&seen.face) {
+        if *face == NO_FACE {
+            *alpha = 0;
+        }
+    }
     alpha.iter().any(|alpha| *alpha > 0).then(|| RgbImage { alpha: Some(alpha), ..photo.clone() })
 }
 

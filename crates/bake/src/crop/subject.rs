@@ -79,7 +79,9 @@ pub(super) fn subject(
     let level = || pieces.iter().filter(is_level);
     let both = || object.iter().chain(level());
     let mut belongs = vec![false; scene.triangle_count()];
-    both().for_each(|piece| belongs[piece.number] = true);
+    for piece in both() {
+        belongs[piece.number] = true;
+    }
     // A trained support has holes far from the middle, where fewer photos look.
     volume.edge = volume.edge_of(both());
     let within = |i: usize| match scene {
@@ -138,11 +140,11 @@ fn looked_at(cameras: &[Camera]) -> Vec<Subject> {
             cameras.iter().map(|camera| side(camera.size.as_vec2() / camera.focal) * at(camera));
         median(sizes.collect(), f32::total_cmp).unwrap_or(0.0)
     };
-    let least = size(Vec2::min_element) / 4.0;
-    let most = size(Vec2::max_element) / 2.0;
+    let smallest = size(Vec2::min_element) / 4.0;
+    let largest = size(Vec2::max_element) / 2.0;
     let ball = |radius| Subject { center, radius, is_alone: false };
-    let radii = std::iter::successors(Some(least), |radius| Some(radius * GROWTH));
-    radii.take_while(|radius| 0.0 < *radius && *radius <= most).map(ball).collect()
+    let radii = std::iter::successors(Some(smallest), |radius| Some(radius * GROWTH));
+    radii.take_while(|radius| 0.0 < *radius && *radius <= largest).map(ball).collect()
 }
 
 /// The area of each face that some of `cameras` see, times their number; all of it without cameras.
@@ -168,15 +170,15 @@ fn seen(mesh: &Mesh, cameras: &[Camera], ball: Subject) -> Vec<f32> {
 
 /// The directions in which a subject may stand out: up from a table, then from a wall that faces
 /// the cameras.
-fn ways(mesh: &Mesh, cameras: &[Camera], known: Option<UpAxis>) -> Vec<DVec3> {
+fn ways(mesh: &Mesh, cameras: &[Camera], file_up: Option<UpAxis>) -> Vec<DVec3> {
     let scene = Foreground::new(mesh, 0);
     let evidence = Evidence { cameras, points: &[] };
     let usable =
         || estimate(scene, evidence).filter(|estimate| estimate.confidence != Confidence::None);
-    let up = match known {
+    let up = match file_up {
         Some(UpAxis::Y) => DVec3::Y,
         _ => usable()
-            .map_or(known.unwrap_or_default().vector(), |estimate| estimate.direction.into()),
+            .map_or(file_up.unwrap_or_default().vector(), |estimate| estimate.direction.into()),
     };
     let toward = -cameras.iter().map(|camera| camera.rotation.row(2).as_dvec3()).sum::<DVec3>();
     let wall = toward.try_normalize().and_then(|toward| facing(scene, evidence, toward));

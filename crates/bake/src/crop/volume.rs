@@ -110,7 +110,9 @@ impl SubjectVolume {
         let mut keep = vec![false; count];
         let stays =
             |piece: &&GroundTriangle| !self.is_level(piece) || self.outline.farthest(piece) <= edge;
-        pieces.iter().filter(stays).for_each(|piece| keep[piece.number] = true);
+        for piece in pieces.iter().filter(stays) {
+            keep[piece.number] = true;
+        }
         keep
     }
 
@@ -274,7 +276,9 @@ impl Outline {
         }
         let mut values = vec![0.0; object.len()];
         let mut quantile = |value: &dyn Fn(&GroundTriangle) -> f32| {
-            values.iter_mut().zip(object).for_each(|(slot, piece)| *slot = value(piece));
+            for (slot, piece) in values.iter_mut().zip(object) {
+                *slot = value(piece);
+            }
             let at = ((values.len() as f32 * WITHIN) as usize).min(values.len() - 1);
             *values.select_nth_unstable_by(at, f32::total_cmp).1
         };
@@ -284,7 +288,9 @@ impl Outline {
         }
         let margin = MARGIN * outline.radius();
         let top = quantile(&|piece| piece.middle.z);
-        outline.sides.iter_mut().for_each(|side| side.1 += margin);
+        for (_, reach) in &mut outline.sides {
+            *reach += margin;
+        }
         Some(Self { center, top: top + margin, ..outline })
     }
 

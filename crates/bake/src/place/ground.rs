@@ -157,13 +157,13 @@ pub(crate) fn points(points: &[Vec3], region: &GroundRegion) -> Vec<SurfaceSampl
 
 /// Triangles of a scene in the region, evenly chosen, with their areas up to a limit.
 pub(crate) fn faces(scene: Foreground, region: &GroundRegion) -> Vec<SurfaceSample> {
-    let most = (MAX_SIDE * region.radius).powi(2);
+    let max_side_squared = (MAX_SIDE * region.radius).powi(2);
     let sample = |face: usize| {
         let [a, b, c] = scene.mesh.corners(face).map(|v| v.as_dvec3());
         let position = (a + b + c) / 3.0;
         let area = (b - a).cross(c - a).length() / 2.0;
         let near = position.distance(region.center) < REACH * region.radius;
-        (near && area > 0.0).then(|| SurfaceSample { position, weight: area.min(most) })
+        (near && area > 0.0).then(|| SurfaceSample { position, weight: area.min(max_side_squared) })
     };
     (0..scene.faces).step_by(step(scene.faces)).filter_map(sample).collect()
 }

@@ -97,23 +97,36 @@ pub struct Evidence<'a> {
 /// which the right vectors vary least. A table or floor near that direction is more level than
 /// hands are steady, and replaces it.
 pub(crate) fn estimate(scene: Foreground, known: Evidence) -> Option<UpEstimate> {
-    let held = from_cameras(known.cameras)?;
-    let cone =
-        if held.open { WIDEST_CONE } else { (4.0 * held.tilt).clamp(NARROWEST_CONE, WIDEST_CONE) };
-    let surface = if held.tilt < RANDOM_TILT { surface(scene, known, held.up, cone) } else { None };
+    let by_cameras = from_cameras(known.cameras)?;
+    let cone = if by_cameras.open {
+        WIDEST_CONE
+    } else {
+        (4.0 * by_cameras.tilt).clamp(NARROWEST_CONE, WIDEST_CONE)
+    };
+    let surface = if by_cameras.tilt < RANDOM_TILT {
+        surface(scene, known, by_cameras.up, cone)
+    } else {
+        None
+    };
     let confidence = match &surface {
-        _ if held.tilt >= RANDOM_TILT => Confidence::None,
+        _ if by_cameras.tilt >= RANDOM_TILT => Confidence::None,
         Some(_) => Confidence::High,
-        None if !held.open && held.tilt <= STEADY_TILT => Confidence::High,
+        None if !by_cameras.open && by_cameras.tilt <= STEADY_TILT => Confidence::High,
         None => Confidence::Low,
     };
-    let up = surface.as_ref().map_or(held.up, |s| s.normal);
+    let up = surface.as_ref().map_or(by_cameras.up, |s| s.normal);
     let surface = surface.map(|s| LevelSurface {
         share: s.share,
-        degrees: s.normal.angle_between(held.up).to_degrees(),
+        degrees: s.normal.angle_between(by_cameras.up).to_degrees(),
     });
     let cameras = known.cameras.len() as u64;
-    Some(UpEstimate { direction: up.to_array(), cameras, tilt: held.tilt, surface, confidence })
+    Some(UpEstimate {
+        direction: up.to_array(),
+        cameras,
+        tilt: by_cameras.tilt,
+        surface,
+        confidence,
+    })
 }
 
 /// The up axis estimated from cameras alone.
@@ -218,20 +231,20 @@ fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<E
     } else {
         (ground::points(known.points, &region), CLEAR_OF_POINTS)
     };
-    let least = libm::cos(cone.to_radians());
+    let min_cosine = libm::cos(cone.to_radians());
     let thickness = THICKNESS * region.radius;
     let near = |s: &SurfaceSample, point: DVec3, normal: DVec3| {
         (s.position - point).dot(normal).abs() < thickness
     };
-    let few: Vec<SurfaceSample> = samples
+    let sampled: Vec<SurfaceSample> = samples
         .iter()
         .step_by(samples.len().div_ceil(MAX_COMPARED_SAMPLES).max(1))
         .copied()
         .collect();
     let supported = |(point, normal): (DVec3, DVec3)| {
-        few.iter().filter(|s| near(s, point, normal)).map(|s| s.weight).sum::<f64>()
+        sampled.iter().filter(|s| near(s, point, normal)).map(|s| s.weight).sum::<f64>()
     };
-    let planes = planes(&few).filter(|(_, normal)| normal.dot(up).abs() > least);
+    let planes = planes(&sampled).filter(|(_, normal)| normal.dot(up).abs() > min_cosine);
     let best = planes.map(|plane| (supported(plane), plane)).max_by(|a, b| a.0.total_cmp(&b.0))?;
     let (mut point, mut normal) = best.1;
     let mut width = 0.0;
@@ -251,7 +264,7 @@ fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<E
     let normal = if normal.dot(up) < 0.0 { -normal } else { normal };
     let share = support / samples.iter().map(|s| s.weight).sum::<f64>();
     let clear =
-        share >= clear_share && width >= CLEAR_WIDTH * region.radius && normal.dot(up) > least;
+        share >= clear_share && width >= CLEAR_WIDTH * region.radius && normal.dot(up) > min_cosine;
     clear.then_some(EstimatedSurface { normal, share })
 }
 

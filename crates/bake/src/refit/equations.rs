@@ -58,7 +58,9 @@ impl Equations {
 
     fn plus(&mut self, other: &Self, sign: f32) {
         let add = |sums: &mut [f32], others: &[f32]| {
-            sums.iter_mut().zip(others).for_each(|(sum, other)| *sum += sign * other);
+            for (sum, other) in sums.iter_mut().zip(others) {
+                *sum += sign * other;
+            }
         };
         add(&mut self.matrix, &other.matrix);
         add(self.right.as_flattened_mut(), other.right.as_flattened());
@@ -232,9 +234,9 @@ impl ColorFit {
                 continue;
             }
             let corners = &self.encoded[face];
-            let fitted = sums.colors(RefitColors::Flat, corners, self.flatness)[0];
+            let photo_color = sums.colors(RefitColors::Flat, corners, self.flatness)[0];
             let is_back = |c: usize| {
-                fitted[c] > MAX_RESIDUAL && corners.iter().all(|corner| corner[c] == 0.0)
+                photo_color[c] > MAX_RESIDUAL && corners.iter().all(|corner| corner[c] == 0.0)
             };
             let back = [0, 1, 2].map(is_back);
             let colors = match &mut mesh.colors {
@@ -242,7 +244,9 @@ impl ColorFit {
                 Colors::Vertex(colors) => &mut colors[3 * face..3 * face + 3],
             };
             for color in colors {
-                (0..3).filter(|c| back[*c]).for_each(|c| color[c] = linear_from_srgb(fitted[c]));
+                for channel in (0..3).filter(|channel| back[*channel]) {
+                    color[channel] = linear_from_srgb(photo_color[channel]);
+                }
             }
             revived += u64::from(back.contains(&true));
         }

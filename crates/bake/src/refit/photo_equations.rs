@@ -76,7 +76,9 @@ impl Gatherer {
             band.error = [0.0; 3];
             band.pixels = 0.0;
             let mut pass = PhotoPass::new(observation, seen, band);
-            (row(i)..row(i + 1)).for_each(|y| pass.row(y));
+            for y in row(i)..row(i + 1) {
+                pass.row(y);
+            }
             for (face, _) in &band.sums {
                 band.slots[*face as usize] = NO_SLOT;
             }
@@ -85,7 +87,9 @@ impl Gatherer {
         let mut pixels = 0.0;
         for band in &self.bands {
             fit.add(&band.sums, sign);
-            (0..3).for_each(|c| error[c] += band.error[c]);
+            for (sum, error) in error.iter_mut().zip(band.error) {
+                *sum += error;
+            }
             pixels += band.pixels;
         }
         error.map(|e| (e / f64::max(pixels, 1.0)) as f32)

@@ -38,10 +38,9 @@ pub(super) fn paint(mesh: &mut Mesh, behind: usize, fit: &ColorFit) {
     if behind < mesh.face_count() {
         let solved = solve(mesh, behind, fit.sums(behind), fit.encoded(behind));
         let corners = solved.iter().flatten().map(|corner| corner.map(linear_from_srgb));
-        mesh.vertex_colors()[3 * behind..]
-            .iter_mut()
-            .zip(corners)
-            .for_each(|(color, new)| *color = new);
+        for (color, solved) in mesh.vertex_colors()[3 * behind..].iter_mut().zip(corners) {
+            *color = solved;
+        }
     }
 }
 
@@ -176,7 +175,9 @@ impl System {
                 break;
             }
             let mut pulled = self.pull(&direction, 1.0);
-            pulled.iter_mut().zip(&direction).for_each(|(pulled, d)| *pulled += DAMPING_PX * d);
+            for (pulled, step) in pulled.iter_mut().zip(&direction) {
+                *pulled += DAMPING_PX * step;
+            }
             let length = squared / dot(&direction, &pulled);
             for i in 0..right.len() {
                 solution[i] += length * direction[i];
@@ -185,7 +186,9 @@ impl System {
             let next_steps = solved_alone(alone, &residual);
             let next = dot(&residual, &next_steps);
             let share = next / squared;
-            direction.iter_mut().zip(&next_steps).for_each(|(d, r)| *d = r + share * *d);
+            for (direction, step) in direction.iter_mut().zip(&next_steps) {
+                *direction = step + share * *direction;
+            }
             squared = next;
         }
         solution
@@ -298,7 +301,9 @@ mod tests {
         let right: Vec<f64> = (0..9).map(|i| f64::from(i) - 3.0).collect();
         let solved = solved_alone(&system.blocks(), &right);
         let mut back = system.pull(&solved, 1.0);
-        back.iter_mut().zip(&solved).for_each(|(back, x)| *back += DAMPING_PX * x);
+        for (back, solved) in back.iter_mut().zip(&solved) {
+            *back += DAMPING_PX * solved;
+        }
         assert!(back.iter().zip(&right).all(|(a, b)| (a - b).abs() < 1e-9), "{back:?}");
         let found = system.conjugate_gradients(&right, &system.blocks());
         assert!(found.iter().zip(&solved).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}");

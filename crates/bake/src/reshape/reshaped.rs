@@ -71,9 +71,9 @@ impl ReshapedFaces {
     }
 
     /// Gives every visible face the mean colour of the pixels that show it.
-    pub(super) fn recolor(&mut self, found: &Measures) {
+    pub(super) fn recolor(&mut self, measures: &Measures) {
         for (i, color) in self.colors.iter_mut().enumerate() {
-            let face = found.face(i);
+            let face = measures.face(i);
             if face.samples > 0.0 {
                 let old = color.map(|c| f64::from(srgb_from_linear(c)));
                 let mean = |k: usize| {
@@ -85,10 +85,10 @@ impl ReshapedFaces {
     }
 
     /// Moves corners if this lowers the error; returns how many.
-    pub(super) fn keep_moves(&mut self, found: &Measures, candidates: Vec<[Vec3; 3]>) -> u64 {
+    pub(super) fn keep_moves(&mut self, measures: &Measures, candidates: Vec<[Vec3; 3]>) -> u64 {
         let mut moves = 0;
         for (i, candidate) in candidates.into_iter().enumerate() {
-            if found.face(i).moving < 0.0 && !self.shell[i] {
+            if measures.face(i).moving < 0.0 && !self.shell[i] {
                 self.corners[i] = candidate;
                 moves += 1;
             }
@@ -97,9 +97,10 @@ impl ReshapedFaces {
     }
 
     /// Drops faces if the error is lower without them; returns how many. Faces not in `found` stay.
-    pub(super) fn drop_harmful(&mut self, found: &Measures) -> u64 {
+    pub(super) fn drop_harmful(&mut self, measures: &Measures) -> u64 {
         let before = self.len();
-        let stays = |i: usize| i >= found.len() || self.shell[i] || !found.face(i).is_harmful();
+        let stays =
+            |i: usize| i >= measures.len() || self.shell[i] || !measures.face(i).is_harmful();
         let kept: Vec<usize> = (0..before).filter(|&i| stays(i)).collect();
         // At least one triangle must stay.
         if !kept.is_empty() {
@@ -115,16 +116,16 @@ impl ReshapedFaces {
     /// Cuts faces in two across their longest edge, those with the largest error first: at most the
     /// share `most` of all, and at most `budget` faces afterwards. New faces come last. Returns how
     /// many.
-    pub(super) fn cut(&mut self, found: &Measures, budget: usize, most: f64) -> u64 {
-        let is_good = |i: &usize| !self.shell[*i] && !found.face(*i).is_harmful();
+    pub(super) fn cut(&mut self, measures: &Measures, budget: usize, max_share: f64) -> u64 {
+        let is_good = |i: &usize| !self.shell[*i] && !measures.face(*i).is_harmful();
         let staying = (0..self.len()).filter(|i| self.shell[*i] || is_good(i)).count();
-        let room = budget.saturating_sub(staying).min((most * staying as f64) as usize);
+        let room = budget.saturating_sub(staying).min((max_share * staying as f64) as usize);
         let mut order: Vec<usize> = (0..self.len())
             .filter(is_good)
-            .filter(|&i| found.face(i).samples >= CUT_SAMPLES)
+            .filter(|&i| measures.face(i).samples >= CUT_SAMPLES)
             .collect();
         order.sort_unstable_by(|&a, &b| {
-            found.face(b).error.total_cmp(&found.face(a).error).then(a.cmp(&b))
+            measures.face(b).error.total_cmp(&measures.face(a).error).then(a.cmp(&b))
         });
         order.truncate(room);
         for &i in &order {

@@ -80,7 +80,9 @@ impl<'v> Rounds<'v> {
             let totals = [AtomicI64::new(0), AtomicI64::new(0)];
             self.solid.planes(&scene, &camera, &self.drawing, (plane_count, &planes), |tile| {
                 let of_tile = sums.add_tile(tile);
-                totals.iter().zip(of_tile).for_each(|(total, sum)| add(total, sum));
+                for (total, sum) in totals.iter().zip(of_tile) {
+                    add(total, sum);
+                }
             });
             let [error, weight] = totals.map(|total| total.into_inner() as f64 / UNITS);
             found.error += error;
@@ -151,7 +153,9 @@ impl PictureSums<'_> {
         if old != NO_FACE {
             let row = &self.rows[old as usize];
             row.add(COUNT, weight);
-            (0..3).for_each(|k| row.add(RGB + k, weight * target[k]));
+            for channel in 0..3 {
+                row.add(RGB + channel, weight * target[channel]);
+            }
             row.add(ERROR, old_error);
             row.add(REMOVING, error(self.face_of(behind)) - old_error);
         }
@@ -298,7 +302,9 @@ mod tests {
                 let chosen = effort.chosen(round, views);
                 assert_eq!(chosen.len(), pictures);
                 assert!(chosen.windows(2).all(|pair| pair[0] < pair[1]), "{chosen:?}");
-                chosen.iter().for_each(|&view| seen[view] += 1);
+                for view in chosen {
+                    seen[view] += 1;
+                }
             }
             assert!(seen.iter().all(|&count| count > 0), "{pictures} of {views}: {seen:?}");
         }

@@ -144,15 +144,15 @@ pub fn backdrop(
 /// More vertices than 32 bits count.
 pub(crate) fn keep_backdrop(
     mesh: &mut Mesh,
-    mut given: Mesh,
+    mut input_backdrop: Mesh,
     options: &BackdropOptions,
     details: &mut BackdropDetails,
 ) -> Result<Outcome<()>> {
     if options.backdrop == BackdropWhen::Off {
         return Ok(Outcome::Skipped("`backdrop` off: that of the input is left out"));
     }
-    given.single_sided = vec![true; given.face_count()];
-    mesh.append(given)?;
+    input_backdrop.single_sided = vec![true; input_backdrop.face_count()];
+    mesh.append(input_backdrop)?;
     details.kept = true;
     Ok(Outcome::Changed(()))
 }

@@ -37,16 +37,16 @@ pub(super) fn closed_surface(
     center: Vec3,
     subdivisions: u32,
     shell: Option<&Mesh>,
-    least: f32,
+    min_radius: f32,
 ) -> (Mesh, Vec<[Vec2; 3]>) {
     let (corners, faces) = octasphere(subdivisions);
     let distances = match shell {
         Some(shell) => distances(&corners, &faces, &|way| farthest(shell, center, way)),
-        None => vec![least; corners.len()],
+        None => vec![min_radius; corners.len()],
     };
     let faces: Vec<[usize; 3]> =
         faces.into_iter().map(|[a, b, c]| [a, c, b].map(|i| i as usize)).collect();
-    let at = |i: usize| center + corners[i] * distances[i].max(least);
+    let at = |i: usize| center + corners[i] * distances[i].max(min_radius);
     let uvs = faces.iter().map(|face| places(face.map(|i| corners[i]))).collect();
     let positions: Vec<Vec3> = faces.into_iter().flatten().map(at).collect();
     let colors = Colors::Face(vec![[0.0; 3]; positions.len() / 3]);
@@ -57,14 +57,17 @@ pub(super) fn closed_surface(
 fn places(corners: [Vec3; 3]) -> [Vec2; 3] {
     let middle = place(corners.into_iter().sum());
     // The first and the last column are one direction, and all columns meet in a pole.
-    let beside = |corner: Vec3| place(corner) - Vec2::X * (place(corner).x - middle.x).round();
+    let nearest_place =
+        |corner: Vec3| place(corner) - Vec2::X * (place(corner).x - middle.x).round();
     let is_pole = |corner: Vec3| corner.x == 0.0 && corner.z == 0.0;
-    let others =
-        corners.into_iter().filter(|corner| !is_pole(*corner)).map(|corner| beside(corner).x);
+    let others = corners
+        .into_iter()
+        .filter(|corner| !is_pole(*corner))
+        .map(|corner| nearest_place(corner).x);
     let mean = others.sum::<f32>() / 2.0;
-    corners.map(
-        |corner| if is_pole(corner) { Vec2::new(mean, place(corner).y) } else { beside(corner) },
-    )
+    corners.map(|corner| {
+        if is_pole(corner) { Vec2::new(mean, place(corner).y) } else { nearest_place(corner) }
+    })
 }
 
 /// Distance of the shell in a direction.
@@ -78,17 +81,19 @@ fn farthest(shell: &Mesh, center: Vec3, way: Vec3) -> Option<f32> {
 fn distances(
     corners: &[Vec3],
     faces: &[[u32; 3]],
-    known: &dyn Fn(Vec3) -> Option<f32>,
+    shell_distance: &dyn Fn(Vec3) -> Option<f32>,
 ) -> Vec<f32> {
     // In logarithms, so that twice and half the distance count equally.
-    let known: Vec<Option<f32>> =
-        corners.iter().map(|corner| known(*corner).map(f32::ln)).collect();
-    let typical = median(known.iter().flatten().copied().collect(), f32::total_cmp).unwrap_or(0.0);
-    let mut logs: Vec<f32> = known.iter().map(|known| known.unwrap_or(typical)).collect();
+    let shell_distance: Vec<Option<f32>> =
+        corners.iter().map(|corner| shell_distance(*corner).map(f32::ln)).collect();
+    let typical =
+        median(shell_distance.iter().flatten().copied().collect(), f32::total_cmp).unwrap_or(0.0);
+    let mut logs: Vec<f32> =
+        shell_distance.iter().map(|shell_distance| shell_distance.unwrap_or(typical)).collect();
     for _ in 0..ROUNDS {
-        let mut sums: Vec<[f32; 2]> = known
+        let mut sums: Vec<[f32; 2]> = shell_distance
             .iter()
-            .map(|known| known.map_or([0.0; 2], |log| [OF_SHELL * log, OF_SHELL]))
+            .map(|shell_distance| shell_distance.map_or([0.0; 2], |log| [OF_SHELL * log, OF_SHELL]))
             .collect();
         for face in faces {
             for k in 0..3 {
@@ -97,7 +102,9 @@ fn distances(
                 sums[to][1] += 1.0;
             }
         }
-        logs.iter_mut().zip(sums).for_each(|(log, [sum, count])| *log = sum / count);
+        for (log, [sum, count]) in logs.iter_mut().zip(sums) {
+            *log = sum / count;
+        }
     }
     logs.into_iter().map(f32::exp).collect()
 }
@@ -121,7 +128,9 @@ mod tests {
         let center = Vec3::new(1.0, -2.0, 0.5);
         let (mut shell, _) = closed_surface(center, 4, None, 3.0);
         // A spike, and an opening.
-        shell.positions.iter_mut().filter(|v| v.y > 0.99).for_each(|v| v.y = 60.0);
+        for vertex in shell.positions.iter_mut().filter(|vertex| vertex.y > 0.99) {
+            vertex.y = 60.0;
+        }
         let closed = shell.clone();
         shell.retain(|face| closed.centroid(face).x < 3.5);
         let (mesh, uvs) = closed_surface(center, 3, Some(&shell), 1.0);
@@ -129,9 +138,9 @@ mod tests {
         let mut edges = std::collections::BTreeMap::new();
         for face in 0..512 {
             let [a, b, c] = mesh.corners(face).map(|v| v.to_array().map(f32::to_bits));
-            [(a, b), (b, c), (c, a)]
-                .into_iter()
-                .for_each(|edge| *edges.entry(edge).or_insert(0) += 1);
+            for edge in [(a, b), (b, c), (c, a)] {
+                *edges.entry(edge).or_insert(0) += 1;
+            }
             assert!(mesh.flat_normal(face).dot(center - mesh.centroid(face)) > 0.0, "inside");
         }
         assert!(edges.iter().all(|((a, b), n)| *n == 1 && edges.contains_key(&(*b, *a))));

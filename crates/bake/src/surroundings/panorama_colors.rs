@@ -48,13 +48,13 @@ impl PanoramaColors {
     ) -> Result<Self> {
         let drawing = views.drawing(mesh, 1);
         let mut solid = SolidRasterizer::new();
-        let mut seen: Vec<u64> = Vec::new();
+        let mut samples: Vec<u64> = Vec::new();
         views.prefetch(&(0..views.len()).collect::<Vec<_>>());
         for view in 0..views.len() {
             let photo = views.photo(view)?;
             let camera = views.camera(view);
             let visible = solid.visibility(mesh, camera, &drawing);
-            let shown = VisiblePhoto {
+            let visible_photo = VisiblePhoto {
                 mesh,
                 behind,
                 uvs,
@@ -63,11 +63,11 @@ impl PanoramaColors {
                 photo: &photo,
                 face: &visible.face,
             };
-            seen.extend(shown.texels());
+            samples.extend(visible_photo.texels());
         }
-        seen.par_sort_unstable();
-        let mut known = Self::nothing(rows);
-        for of_texel in seen.chunk_by(|a, b| texel(*a) == texel(*b)) {
+        samples.par_sort_unstable();
+        let mut colors_of_texels = Self::nothing(rows);
+        for of_texel in samples.chunk_by(|a, b| texel(*a) == texel(*b)) {
             let inner: Vec<[u8; 3]> =
                 of_texel.iter().filter(|one| !is_rim(**one)).map(|one| rgb(*one)).collect();
             // Pixels beside the scene show some of it, or what stands in a hole: only where there
@@ -79,10 +79,10 @@ impl PanoramaColors {
             };
             let (value, count) = agreed(&colors);
             let at = texel(of_texel[0]);
-            known.values[at] = value;
-            known.weights[at] = TRUSTED * count;
+            colors_of_texels.values[at] = value;
+            colors_of_texels.weights[at] = TRUSTED * count;
         }
-        Ok(known)
+        Ok(colors_of_texels)
     }
 
     /// Adds colours with a small weight where nothing is known. `[H * W]`
@@ -108,7 +108,9 @@ impl PanoramaColors {
             for j in [first, first + 1, first + columns, first + columns + 1] {
                 let weight = self.weights[j];
                 half.weights[i] += weight;
-                (0..3).for_each(|c| half.values[i][c] += weight * self.values[j][c]);
+                for channel in 0..3 {
+                    half.values[i][channel] += weight * self.values[j][channel];
+                }
             }
             let per = 1.0 / half.weights[i].max(f32::MIN_POSITIVE);
             half.values[i] = half.values[i].map(|sum| sum * per);
@@ -120,7 +122,9 @@ impl PanoramaColors {
     pub(super) fn mean(&self) -> [f32; 3] {
         let mut sums = [0.0f64; 4];
         for (value, weight) in self.values.iter().zip(&self.weights) {
-            (0..3).for_each(|c| sums[c] += f64::from(weight * value[c]));
+            for channel in 0..3 {
+                sums[channel] += f64::from(weight * value[channel]);
+            }
             sums[3] += f64::from(*weight);
         }
         [0, 1, 2].map(|c| (sums[c] / sums[3].max(1e-30)) as f32)
@@ -136,7 +140,9 @@ fn agreed(colors: &[[u8; 3]]) -> ([f32; 3], f32) {
     let mut count = 0.0f32;
     for color in colors {
         if (0..3).all(|c| (i32::from(color[c]) - middle[c]).abs() <= AGREE) {
-            (0..3).for_each(|c| sum[c] += f32::from(color[c]));
+            for channel in 0..3 {
+                sum[channel] += f32::from(color[channel]);
+            }
             count += 1.0;
         }
     }
@@ -202,7 +208,7 @@ impl VisiblePhoto<'_> {
         let width = self.photo.size.x;
         let columns = 2 * self.rows;
         let mut last = (NO_FACE, None);
-        let mut found = Vec::new();
+        let mut samples = Vec::new();
         for x in 0..width {
             let pixel = (y * width + x) as usize;
             let face = self.face[pixel];
@@ -220,9 +226,9 @@ impl VisiblePhoto<'_> {
             let [column, row] =
                 [place.x * columns as f32, place.y * self.rows as f32].map(|at| at as usize);
             let texel = row.min(self.rows - 1) * columns + column.min(columns - 1);
-            found.push(packed(texel, self.is_rim(x, y), self.photo.rgb[pixel]));
+            samples.push(packed(texel, self.is_rim(x, y), self.photo.rgb[pixel]));
         }
-        found
+        samples
     }
 
     /// True if a pixel beside this one shows the scene.
@@ -246,20 +252,22 @@ const MIN_ROWS: usize = 8;
 
 /// The whole picture, sRGB-encoded, 0 to 255. `known` has twice as many columns as rows, a power of
 /// two. `[H * W]`
-pub(super) fn fill(known: PanoramaColors) -> Vec<[f32; 3]> {
-    let mut sizes = vec![known];
-    while let Some(finest) = sizes.last().filter(|known| known.rows > MIN_ROWS) {
+pub(super) fn fill(colors: PanoramaColors) -> Vec<[f32; 3]> {
+    let mut sizes = vec![colors];
+    while let Some(finest) = sizes.last().filter(|colors| colors.rows > MIN_ROWS) {
         sizes.push(finest.halved());
     }
     let mut filled: Option<Vec<[f32; 3]>> = None;
-    for known in sizes.iter().rev() {
+    for colors in sizes.iter().rev() {
         let mut values = match filled {
-            Some(coarse) => doubled(&coarse, known.rows),
-            None => vec![known.mean(); known.values.len()],
+            Some(coarse) => doubled(&coarse, colors.rows),
+            None => vec![colors.mean(); colors.values.len()],
         };
-        let links = RowWeights::new(known.rows);
+        let weights = RowWeights::new(colors.rows);
         for _ in 0..ROUNDS {
-            [0, 1].into_iter().for_each(|parity| relax(&mut values, known, &links, parity));
+            for parity in [0, 1] {
+                relax(&mut values, colors, &weights, parity);
+            }
         }
         filled = Some(values);
     }
@@ -314,9 +322,9 @@ impl RowWeights {
 }
 
 /// Solves every second texel for its neighbours.
-fn relax(values: &mut [[f32; 3]], known: &PanoramaColors, links: &RowWeights, parity: usize) {
-    let rows = known.rows;
-    let columns = 2 * known.rows;
+fn relax(values: &mut [[f32; 3]], colors: &PanoramaColors, links: &RowWeights, parity: usize) {
+    let rows = colors.rows;
+    let columns = 2 * colors.rows;
     for row in 0..rows {
         let along = links.along[row];
         let above = links.above[row];
@@ -329,11 +337,11 @@ fn relax(values: &mut [[f32; 3]], known: &PanoramaColors, links: &RowWeights, pa
             let right = values[own + (column + 1) % columns];
             let over = values[up + column];
             let under = values[down + column];
-            let weight = known.weights[i];
+            let weight = colors.weights[i];
             let per = 1.0 / (2.0 * along + above + below + weight);
             for c in 0..3 {
                 let pulled = along * (left[c] + right[c]) + above * over[c] + below * under[c];
-                values[i][c] = (pulled + weight * known.values[i][c]) * per;
+                values[i][c] = (pulled + weight * colors.values[i][c]) * per;
             }
         }
     }

@@ -193,8 +193,8 @@ mod tests {
             for (place, color) in
                 quarters.corners(face).into_iter().zip(quarters.corner_colors(face))
             {
-                let known = *at.entry(place_bits(place)).or_insert(color);
-                assert_eq!(known, color, "{place}");
+                let first = *at.entry(place_bits(place)).or_insert(color);
+                assert_eq!(first, color, "{place}");
             }
         }
         // The middle of an edge is between its two faces, and the middle of the shell's colours

@@ -61,20 +61,21 @@ impl Sky {
 /// Panorama of `views` behind `mesh`, where `shell` is.
 fn photo_panorama(mesh: &Mesh, shell: Option<&Mesh>, views: &mut Views) -> Result<RgbImage> {
     let center = views.center();
-    let mut least = views.radius();
+    let mut radius = views.radius();
     if shell.is_none() {
-        least = mesh.positions.iter().map(|v| v.distance(center)).fold(least, f32::max);
+        radius = mesh.positions.iter().map(|v| v.distance(center)).fold(radius, f32::max);
     }
-    let (behind, uvs) = closed_surface(center, subdivisions(shell), shell, RADIUS_FACTOR * least);
+    let (surface, uvs) = closed_surface(center, subdivisions(shell), shell, RADIUS_FACTOR * radius);
     // Neither colours nor textures matter to what is visible.
     let mut all = Mesh { shell: Vec::new(), texture: None, ..mesh.clone() };
-    all.append(behind)?;
+    all.append(surface)?;
     let rows = rows(views);
-    let mut known = PanoramaColors::of_photos(&all, mesh.face_count(), &uvs, rows as usize, views)?;
+    let mut colors =
+        PanoramaColors::of_photos(&all, mesh.face_count(), &uvs, rows as usize, views)?;
     if let Some(shell) = shell {
-        known.add(&panorama(shell, center, rows), shell_weight(rows));
+        colors.add(&panorama(shell, center, rows), shell_weight(rows));
     }
-    Ok(filled(known))
+    Ok(filled(colors))
 }
 
 /// The colours of a shell, blurred, for a scene without photos that `cameras` may have looked at.
@@ -84,9 +85,9 @@ fn shell_panorama(shell: &Mesh, cameras: &[Camera]) -> RgbImage {
     } else {
         mean(cameras.iter().map(Camera::position))
     };
-    let mut known = PanoramaColors::nothing(ROWS[0] as usize);
-    known.add(&panorama(shell, center, ROWS[0]), shell_weight(ROWS[0]));
-    filled(known)
+    let mut colors = PanoramaColors::nothing(ROWS[0] as usize);
+    colors.add(&panorama(shell, center, ROWS[0]), shell_weight(ROWS[0]));
+    filled(colors)
 }
 
 /// The weight of a shell's own colours, against the pull of a neighbouring texel.
@@ -94,9 +95,9 @@ fn shell_weight(rows: u32) -> f32 {
     (BLUR * rows as f32).powi(-2)
 }
 
-fn filled(known: PanoramaColors) -> RgbImage {
-    let rows = known.rows as u32;
-    let rgb = fill(known).into_iter().map(|value| value.map(|code| (code + 0.5) as u8)).collect();
+fn filled(colors: PanoramaColors) -> RgbImage {
+    let rows = colors.rows as u32;
+    let rgb = fill(colors).into_iter().map(|value| value.map(|code| (code + 0.5) as u8)).collect();
     RgbImage { size: UVec2::new(2 * rows, rows), rgb, alpha: None }
 }
 
@@ -176,9 +177,9 @@ fn around(size: UVec2, color: impl Fn(Vec3) -> [u8; 3] + Sync) -> RgbImage {
 }
 
 /// A panorama of the source's world as one of a file with this placement.
-pub(super) fn turned(picture: &RgbImage, how: &Placement) -> RgbImage {
+pub(super) fn turned(picture: &RgbImage, placement: &Placement) -> RgbImage {
     let size = picture.size;
-    let back = how.rotation().transpose();
+    let back = placement.rotation().transpose();
     around(size, |direction| {
         let from = place((back * direction.as_dvec3()).as_vec3()) * size.as_vec2() - 0.5;
         // The first and the last column are neighbours.
@@ -238,12 +239,17 @@ pub(crate) fn is_scattered(shell: &Mesh) -> bool {
 /// A surface around `center` where `shell` is, but nowhere nearer than `least`, in the colours that
 /// the shell shows there, of at most `most` triangles; `None` where that is too few to close
 /// anything.
-pub(crate) fn close_surface(shell: &Mesh, center: Vec3, least: f32, most: u64) -> Option<Mesh> {
-    let enough = |s: &u32| face_count(*s) >= shell.face_count() as u64;
-    let enough = (2..MAX_SUBDIVISIONS).find(enough).unwrap_or(MAX_SUBDIVISIONS);
-    let subdivisions = (1..=enough).rev().find(|s| face_count(*s) <= most)?;
+pub(crate) fn close_surface(
+    shell: &Mesh,
+    center: Vec3,
+    min_radius: f32,
+    max_faces: u64,
+) -> Option<Mesh> {
+    let has_enough = |s: &u32| face_count(*s) >= shell.face_count() as u64;
+    let has_enough = (2..MAX_SUBDIVISIONS).find(has_enough).unwrap_or(MAX_SUBDIVISIONS);
+    let subdivisions = (1..=has_enough).rev().find(|s| face_count(*s) <= max_faces)?;
     let picture = panorama(shell, center, ROWS_PER_FACE << subdivisions);
-    let (mut mesh, _) = closed_surface(center, subdivisions, Some(shell), least);
+    let (mut mesh, _) = closed_surface(center, subdivisions, Some(shell), min_radius);
     let color = |face: usize| {
         let at = place(mesh.centroid(face) - center) * picture.size.as_vec2();
         let pixel = at.as_uvec2().min(picture.size - 1);

@@ -183,7 +183,7 @@ impl Atlas {
 
     /// Finds a place for every patch on the smallest texture that holds them; false when none of at
     /// most `most` by `most` does.
-    fn pack(&mut self, colors: &[u32], most: u32) -> bool {
+    fn pack(&mut self, colors: &[u32], max_height: u32) -> bool {
         let mut faces: Vec<u32> = (0..self.patches.len() as u32).collect();
         faces.par_sort_unstable_by_key(|face| {
             let size = self.patches[*face as usize].size;
@@ -192,7 +192,7 @@ impl Atlas {
         let texels: u64 =
             self.patches.iter().map(|p| u64::from(p.size.element_product()) / 2).sum();
         let mut side = 64.max((texels as f64).sqrt() as u32 / 2).next_power_of_two();
-        while side <= most {
+        while side <= max_height {
             if let Some(height) = self.place(&faces, side, side) {
                 self.size = UVec2::new(side, height.next_power_of_two().max(1));
                 return true;
@@ -262,7 +262,9 @@ impl Layout for Atlas {
     }
 
     fn for_each_texel(&self, face: usize, visit: &mut dyn FnMut(UVec2, [f32; 3])) {
-        self.patches[face].texels().for_each(|(at, weights)| visit(at, weights));
+        for (at, weights) in self.patches[face].texels() {
+            visit(at, weights);
+        }
     }
 }
 
@@ -346,15 +348,15 @@ pub(super) fn footprints(mesh: &Mesh, views: &Views) -> Vec<[f32; 3]> {
     for camera in views.cameras() {
         seen.fill(false);
         let visible = solid.visibility(mesh, &camera.fit_within(LONGEST), &drawing);
-        visible
-            .face
-            .iter()
-            .filter(|face| **face != NO_FACE)
-            .for_each(|face| seen[*face as usize] = true);
+        for face in visible.face.iter().filter(|face| **face != NO_FACE) {
+            seen[*face as usize] = true;
+        }
         parallel::for_each_mut(&mut lengths, GRAIN, |face, lengths| {
             if seen[face] {
                 let here = edges(mesh.corners(face), camera, drawing.near);
-                (0..3).for_each(|i| lengths[i] += here[i]);
+                for edge in 0..3 {
+                    lengths[edge] += here[edge];
+                }
                 lengths[3] += 1.0;
             }
         });

@@ -71,7 +71,9 @@ impl PhotoCandidates {
             if pixels == 0 {
                 return;
             }
-            (0..3).for_each(|c| sums[c] += rgb[c] as f32);
+            for channel in 0..3 {
+                sums[channel] += rgb[channel] as f32;
+            }
             sums[3] += pixels as f32;
             let color = rgb.map(|sum| sum as f32 / pixels as f32);
             let found = PhotoCandidate {
@@ -135,9 +137,9 @@ fn add_row(here: &[[AtomicU64; 5]], photo: &RgbImage, visibility: &Visibility, y
         let add = |sum: &AtomicU64, x: u64| sum.fetch_add(x, Ordering::Relaxed);
         add(&sums[0], 1);
         add(&sums[1], (gradient / 3) as u64);
-        (0..3).for_each(|c| {
-            add(&sums[2 + c], u64::from(photo.rgb[at][c]));
-        });
+        for (channel, code) in photo.rgb[at].into_iter().enumerate() {
+            add(&sums[2 + channel], u64::from(code));
+        }
     }
 }
 
@@ -249,7 +251,9 @@ fn propagated(
         let mut sum = costs[face];
         for pair in pairs(face) {
             let from = &messages[beside.back[pair] as usize];
-            (0..CANDIDATES).for_each(|l| sum[l] += from[l]);
+            for (sum, message) in sum.iter_mut().zip(from) {
+                *sum += message;
+            }
         }
         sum
     };

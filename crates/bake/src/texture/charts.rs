@@ -64,29 +64,33 @@ impl Charts {
             Error::invalid("texture_size", options.texture_size, wants)
         };
         let packing = if mesh.face_count() > ROWS_ABOVE { Packing::Fast } else { Packing::Shape };
-        let how = Options { padding: PADDING, packing, ..Options::default() };
+        let unwrap_options = Options { padding: PADDING, packing, ..Options::default() };
         let positions: Vec<[f32; 3]> = mesh.positions.iter().map(Vec3::to_array).collect();
-        let first = Options { packing: Packing::Fast, ..how };
+        let first = Options { packing: Packing::Fast, ..unwrap_options };
         let unwrapped = uvunwrap::generate(&[MeshInput::new(&positions, &mesh.indices)], &first);
         let charts = split_into_charts(mesh, &unwrapped.map_err(refused)?.meshes[0], edges);
         let inputs: Vec<MeshInput<'_>> = charts.iter().map(Chart::input).collect();
         let wanted = options.texels_per_pixel as f32;
-        let fixed =
-            Options { density: Density::Fixed { texels_per_unit: wanted, page_size: None }, ..how };
-        let most = options.texture_size;
+        let fixed = Options {
+            density: Density::Fixed { texels_per_unit: wanted, page_size: None },
+            ..unwrap_options
+        };
+        let max_size = options.texture_size;
         let packed = match uvunwrap::generate(&inputs, &fixed) {
-            Ok(packed) if packed.width.max(packed.height) <= most => packed,
+            Ok(packed) if packed.width.max(packed.height) <= max_size => packed,
             _ => {
-                let fitting = Options { density: Density::Auto { page_size: most }, ..how };
+                let fitting =
+                    Options { density: Density::Auto { page_size: max_size }, ..unwrap_options };
                 uvunwrap::generate(&inputs, &fitting).map_err(refused)?
             }
         };
         if packed.page_count > 1 {
             let wants = format!("a texture on which {} charts have room", charts.len());
-            return Err(Error::invalid("texture_size", most, wants));
+            return Err(Error::invalid("texture_size", max_size, wants));
         }
         let used = UVec2::new(packed.width, packed.height);
-        let size = used.map(|side| side.next_multiple_of(STEP)).min(UVec2::splat(most)).max(used);
+        let size =
+            used.map(|side| side.next_multiple_of(STEP)).min(UVec2::splat(max_size)).max(used);
         let corners = split(mesh, &charts, &packed.meshes, used.as_vec2());
         let texels_per_pixel = f64::from(packed.texels_per_unit);
         let count = packed.chart_count.into();

@@ -167,7 +167,9 @@ impl Texels {
             layout.for_each_texel(face, &mut |at, weights| {
                 let step = self.step(number(at), flatness);
                 for (sums, weight) in sums.iter_mut().zip(weights) {
-                    (0..3).for_each(|c| sums[c] += weight * step[c]);
+                    for channel in 0..3 {
+                        sums[channel] += weight * step[channel];
+                    }
                     sums[3] += weight;
                 }
             });
@@ -177,7 +179,9 @@ impl Texels {
         let mut slots =
             vec![[0.0f32; 4]; slot_of.iter().max().map_or(0, |last| *last as usize + 1)];
         for (slot, sums) in slot_of.iter().zip(of_faces.as_flattened()) {
-            (0..4).for_each(|c| slots[*slot as usize][c] += sums[c]);
+            for (total, sum) in slots[*slot as usize].iter_mut().zip(sums) {
+                *total += sum;
+            }
         }
         drop(of_faces);
         for face in 0..layout.face_count() {
@@ -250,7 +254,9 @@ impl<L: Layout> TexelObservation<'_, L> {
             let add = |sum: &AtomicI32, x: f32| {
                 sum.fetch_add((x * UNIT).round_ties_even() as i32, Ordering::Relaxed);
             };
-            residual.iter().zip(sums).for_each(|(r, sum)| add(sum, r * weight));
+            for (residual, sum) in residual.iter().zip(sums) {
+                add(sum, residual * weight);
+            }
             add(&sums[3], weight);
         }
     }
@@ -276,10 +282,14 @@ impl Page {
         let shown = self.owned.iter().filter(|owned| **owned).count();
         let mut sum = [0.0f64; 3];
         for (value, _) in self.values.iter().zip(&self.owned).filter(|(_, owned)| **owned) {
-            (0..3).for_each(|c| sum[c] += f64::from(value[c]));
+            for (sum, value) in sum.iter_mut().zip(value) {
+                *sum += f64::from(*value);
+            }
         }
         let mean = sum.map(|s| (s / shown.max(1) as f64) as f32);
-        (0..DILATION).for_each(|_| self.dilate());
+        for _ in 0..DILATION {
+            self.dilate();
+        }
         let code = |texel: usize| {
             (if self.owned[texel] { self.values[texel] } else { mean })
                 .map(|c: f32| (c + 0.5) as u8)
@@ -306,7 +316,9 @@ impl Page {
             ];
             let mut sum = [0.0f32; 4];
             for at in beside.into_iter().flatten().filter(|at| self.owned[*at]) {
-                (0..3).for_each(|c| sum[c] += self.values[at][c]);
+                for channel in 0..3 {
+                    sum[channel] += self.values[at][channel];
+                }
                 sum[3] += 1.0;
             }
             (sum[3] > 0.0).then(|| (at, [0, 1, 2].map(|c| sum[c] / sum[3])))
