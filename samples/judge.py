@@ -1,4 +1,4 @@
-"""What check_trimesh.py and check_open3d.py share: the source, read without trisplat, and the comparison.
+"""Shared by check_trimesh.py and check_open3d.py: the source, read without trisplat, and the comparison.
 
 A triangle set is two arrays: corners [N, 3, 3] and rgb [N, 3, 3], one sRGB-encoded colour in [0, 1] per corner.
 """
@@ -118,7 +118,7 @@ def source_triangles(path):
 
 
 def provenance(path):
-    """What a baked file says about itself: `asset.extras` of glTF, the trisplat comment of PLY and OBJ."""
+    """Provenance of a baked file: `asset.extras` of glTF, the trisplat comment of PLY and OBJ."""
     data = path.read_bytes()
     if path.suffix in (".glb", ".gltf"):
         text = data[20 : 20 + struct.unpack_from("<I", data, 12)[0]] if path.suffix == ".glb" else data

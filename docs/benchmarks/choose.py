@@ -82,7 +82,7 @@ def binary_model(folder):
 
 
 def place(line):
-    """Where a camera stands."""
+    """Position of a camera."""
     w, x, y, z, *t = map(float, line.split()[1:8])
     r = [[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
          [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],

@@ -57,9 +57,9 @@ class IMPORT_SCENE_OT_trisplat(bpy.types.Operator, ImportHelper):
         ],
     )
     harden: BoolProperty(name="Harden", description="Train a soft scene opaque first: minutes, and much closer to it")
-    max_triangles: IntProperty(name="Most Triangles", min=0, description="0: all that the scene needs")
+    max_triangles: IntProperty(name="Maximum Triangles", min=0, description="0: all that the scene needs")
     collision: BoolProperty(name="Collision", description="Also import a surface of few triangles, hidden")
-    backdrop: BoolProperty(name="Backdrop", default=True, description="What stands far behind the scene")
+    backdrop: BoolProperty(name="Backdrop", default=True, description="Surroundings far behind the scene")
     scale: FloatProperty(name="Scale", default=1.0, min=1e-6, description="Metres to one unit of the scene")
 
     def flags(self):
@@ -102,7 +102,7 @@ def arrange(things, context):
     for thing in meshes:
         for material in thing.data.materials:
             if material.name.startswith(("backdrop", "trisplat_front")):
-                # It is seen from its front; Blender draws both sides unless it is told otherwise.
+                # One sees its front only; Blender draws both sides by default.
                 material.use_backface_culling = True
         if thing.name.startswith("collision"):
             thing.hide_set(True)

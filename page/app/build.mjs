@@ -34,7 +34,7 @@ const style = (await transform(await text('style.css'), { loader: 'css', minify:
 const program = gzipSync(await readFile(wasm), { level: 9 }).toString('base64');
 
 const hash = (of) => `'sha256-${createHash('sha256').update(of).digest('base64')}'`;
-/** What the page may do: run this script and its workers, show this style and pictures that it made. It reaches no network. */
+/** Content security policy of the page: it may run this script and its workers, show this style and pictures that it made. It reaches no network. */
 const policy = [
   `default-src 'none'`,
   `script-src ${hash(script)} 'wasm-unsafe-eval'`,

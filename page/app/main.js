@@ -20,7 +20,7 @@ let scene = null;
 let work = null;
 /** Ends the drawing of a soft picture. */
 let drawing = null;
-/** Whether the picture is at rest. */
+/** True while the picture is at rest. */
 let resting = false;
 
 function say(text) {
@@ -231,7 +231,7 @@ function softJob() {
   };
 }
 
-/** Where before and after are compared, the soft picture is before. */
+/** The soft picture is the one before, while before and after are compared. */
 function cut() {
   const after = at('compare').hidden ? 0 : 1 - Number(at('split').value);
   at('soft').style.clipPath = `inset(0 ${100 * after}% 0 0)`;

@@ -103,7 +103,7 @@ export class Shown {
     return into.set(0, 0, this.#renderer.width, this.#renderer.height);
   }
 
-  /** Where the picture changes from before to after, 0 to 1. */
+  /** Position of the slider between before and after, 0 to 1. */
   set split(share) {
     this.#split = share;
     this.#renderer.restart();

@@ -109,10 +109,10 @@ export function plain(path, folder = '') {
 /** Marks a folder. */
 export const FOLDER = Symbol('folder');
 
-/** What is where, by whole paths without a leading slash. */
+/** Files by their whole paths, without a leading slash. */
 export class Files {
   #at = new Map([['', FOLDER], ['tmp', FOLDER]]);
-  /** What was given, in an order that all threads of a job have. */
+  /** Input files, in the same order for all threads of a job. */
   given;
 
   /** `given` and `more`: bytes, or blobs in a worker, by their names; `given` is the same for all threads of a job. */
@@ -151,7 +151,7 @@ export class Files {
     return [...this.#at.keys()].filter(inside).map((path) => path.slice(start.length));
   }
 
-  /** What the program has written and left, by its path. */
+  /** Files that the program has written, by path. */
   taken() {
     const written = [...this.#at].filter(([path, what]) => what instanceof Written && !path.startsWith('tmp/'));
     return Object.fromEntries(written.map(([path, file]) => [path, file.take()]));

@@ -6,20 +6,20 @@ export interface BakeOptions {
   preset?: 'fast' | 'default' | 'small';
   /** Engine or viewer to write for. */
   target?: string;
-  /** Most triangles of the file. */
+  /** Maximum number of triangles of the file. */
   max_triangles?: number;
-  /** Most bytes of all files together. */
+  /** Maximum number of bytes of all files together. */
   max_bytes?: number | null;
   /** Trains a soft scene solid first: takes minutes, comes closer. */
   harden?: boolean;
   /** Regions that are kept: "x0,y0,z0,x1,y1,z1" or "x,y,z,radius", in the coordinates of the file. */
   crop?: string[];
-  /** Which axis of the file points up, if not the one that is found. */
+  /** Up axis of the file; found by the program unless given. */
   up?: string;
   [option: string]: unknown;
 }
 
-/** How far a bake is: the stage that runs, and the part of it that is done, 0 to 1. */
+/** Progress of a bake: the running stage, and the finished part of it, 0 to 1. */
 export interface Progress {
   stage?: string;
   fraction: number;
@@ -29,7 +29,7 @@ export interface Progress {
 export interface How {
   /** Ends the job. */
   signal?: AbortSignal;
-  /** How many; all cores in a page that is cross-origin isolated, else 1. */
+  /** Number of threads; by default all cores in a page that is cross-origin isolated, else 1. */
   threads?: number;
   onProgress?: (progress: Progress) => void;
 }
@@ -37,7 +37,7 @@ export interface How {
 export interface BakeHow extends How {
   /** Name of the file to write; its ending says the format: .glb, .gltf, .obj, .ply or .html. "scene.glb" unless given. */
   output?: string;
-  /** Names of the files that are baked, where several are given; those are merged. The first unless given. */
+  /** Names of the files to bake and merge; by default the first one. */
   inputs?: string[];
 }
 
@@ -53,5 +53,5 @@ export function bake(source: Source, options?: BakeOptions, how?: BakeHow): Prom
 /** Bakes a scene; returns all files, as for .gltf with its .bin. */
 export function bakeFiles(source: Source, options?: BakeOptions, how?: BakeHow): Promise<Baked>;
 
-/** What a file holds (`trisplat schema info`). */
+/** Describes a file (`trisplat schema info`). */
 export function info(source: Source, how?: How): Promise<Record<string, unknown>>;

@@ -39,13 +39,13 @@ export async function bake(source, options = {}, how = {}) {
   return (await bakeFiles(source, options, how)).files[how.output ?? 'scene.glb'];
 }
 
-/** What a file holds. */
+/** Describes a file. */
 export async function info(source, how = {}) {
   const { files, first } = named(source);
   return (await run({ command: 'info', input: first }, files, how)).info;
 }
 
-/** What is given, by name; bytes and blobs alone are a file. */
+/** Input files by name; bytes or a blob alone are one file. */
 function named(source) {
   const alone = ArrayBuffer.isView(source) || source instanceof ArrayBuffer || (typeof Blob !== 'undefined' && source instanceof Blob);
   const given = alone ? { [source.name ?? 'scene']: source } : source;

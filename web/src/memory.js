@@ -7,7 +7,7 @@ const HEADER = 8, IMPORTS = 2;
 const FUNCTION = 0, TABLE = 1, MEMORY = 2;
 const SHARED = 2;
 
-/** Whether this browser shares memory at all; some do in pages that are cross-origin isolated only. */
+/** True if this browser shares memory; some do in pages that are cross-origin isolated only. */
 export function canShare() {
   try {
     return !!new WebAssembly.Memory({ initial: 1, maximum: 1, shared: true });

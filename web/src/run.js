@@ -4,7 +4,7 @@ import { shared } from './threads.js';
 
 /** Threads of a dependency that wait for pictures, beside those that compute. */
 const WAITING = 2;
-/** What the program unpacks into a file of its own is read by the thread that does. */
+/** Files that the program unpacks are read by the thread that unpacks them. */
 const UNPACKED = /\.(gz|html?)$/i;
 
 /**
@@ -44,7 +44,7 @@ export async function run(module, worker, job, files, { signal, onProgress, thre
   }
 }
 
-/** How many threads may share memory here: a page must be cross-origin isolated. */
+/** Number of threads that may share memory: a page must be cross-origin isolated. */
 function mayShare() {
   return globalThis.crossOriginIsolated && globalThis.document ? Math.min(navigator.hardwareConcurrency ?? 1, 16) : 1;
 }

@@ -6,7 +6,7 @@ const FREE = 0, TAKEN = 1, BEGUN = 2;
 /** The highest number of a file that is open, and one. */
 const OPEN = 64;
 
-/** What `count` threads share: slots, how many threads there were, and where files are read. */
+/** Memory that `count` threads share: slots, the number of threads, and the positions in files. */
 export function shared(count) {
   const words = (length) => new Int32Array(new SharedArrayBuffer(4 * length));
   const files = { which: words(OPEN), at: new Float64Array(new SharedArrayBuffer(8 * OPEN)) };

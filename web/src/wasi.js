@@ -37,7 +37,7 @@ export class System {
     [this.#memory, this.#files, this.#args, this.#line, this.#reads] = [memory, new Files(files, more), args, line, reads];
   }
 
-  /** What is open by this number: in this thread, or in the one that has opened it for all. */
+  /** The open file of this number: of this thread, or of the thread that opened it for all. */
   #opened(fd) {
     const own = this.#open.get(fd);
     const file = this.#files.given[(this.#reads?.which[fd] ?? 0) - 1];
@@ -50,7 +50,7 @@ export class System {
     return Object.defineProperty(opened, 'at', { get: () => at[fd], set: (place) => (at[fd] = place) });
   }
 
-  /** What the program has written, by name. */
+  /** Files that the program has written, by name. */
   written() {
     return this.#files.taken();
   }
@@ -64,7 +64,7 @@ export class System {
       'path_readlink',
     ];
     const bound = Object.fromEntries(calls.map((name) => [name, (...given) => this[name](...given)]));
-    // What the program does not do: links, times of files, sleep, sockets.
+    // Calls that the program does not make: links, times of files, sleep, sockets.
     return new Proxy(bound, { get: (known, name) => known[name] ?? (() => NOSYS) });
   }
 

@@ -25,7 +25,7 @@ namespace Trisplat
         public int maxTriangles;
         [Tooltip("A surface of few triangles with a mesh collider, which is not drawn.")]
         public bool collision = true;
-        [Tooltip("What stands far behind the scene.")]
+        [Tooltip("Surroundings far behind the scene.")]
         public bool backdrop = true;
         [Tooltip("Metres to one unit of the scene.")]
         public float scale = 1;

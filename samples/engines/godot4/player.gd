@@ -111,7 +111,7 @@ func _physics_process(delta):
 		position.y = ground + 0.5 * height
 		velocity.y = 0.0
 
-## How high the ground is below `from` where the walker is; `lowest` when there is none.
+## Height of the ground below `from`; `lowest` when there is none.
 func ground_below(from: float) -> float:
 	var query := PhysicsRayQueryParameters3D.create(Vector3(position.x, from, position.z), Vector3(position.x, lowest, position.z))
 	query.exclude = [get_rid()]
