@@ -1,15 +1,9 @@
-//! The program as a user meets it, and whatever the disk does to it.
+//! The program as a user meets it, whole runs through the library, files that are damaged, and
+//! whatever the disk does.
 
 mod cli;
 mod faults;
-#[path = "common/folders.rs"]
-mod folders;
-#[path = "common/night.rs"]
-mod night;
-#[allow(dead_code)]
-#[path = "common/phone.rs"]
-mod phone;
-#[path = "common/samples.rs"]
-mod samples;
-#[path = "common/skip.rs"]
-mod skip;
+mod flows;
+mod mutants;
+#[cfg(all(feature = "view", unix))]
+mod window;

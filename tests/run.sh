@@ -227,7 +227,7 @@ else
     echo 'NOT CHECKED: godot3-server is not among the packages of this system'
 fi
 
-# By tests/godot4.sh.
+# By tests/judges/godot4.sh.
 if [ -x "$judges/godot4" ]; then required=$required,godot4; fi
 if [ -x "$judges/godot4-screen" ]; then required=$required,godot4-screen; fi
 

@@ -4,16 +4,16 @@
 
 use super::stderr;
 use super::train::dataset;
-use crate::folders::copy_folder;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 use trisplat::{Dataset, DatasetOptions};
+use trisplat_fixtures::folders::copy_folder;
 use trisplat_scene::image::RgbImage;
 
 /// Stands in for COLMAP.
-const COLMAP: &str = include_str!("../common/colmap.sh");
+const COLMAP: &str = include_str!("../fixtures/colmap.sh");
 
 /// A folder with the program and the model of the sample, and photos without poses.
 pub(super) struct Fake {
@@ -384,7 +384,7 @@ fn pycolmap_finds_the_poses_of_the_sample() {
         assert!(output.status.success(), "{}", stderr(&output));
         stderr(&output)
     };
-    crate::samples::photos(folder.path().join("truth"), [16, 480, 1500], 0);
+    trisplat_fixtures::samples::photos(folder.path().join("truth"), [16, 480, 1500], 0);
     let said = trisplat(&format!("capture truth/images -o set --poses {python}"));
     assert!(said.contains("16 of 16 photos have a pose") && said.contains("pycolmap"), "{said}");
     let load =

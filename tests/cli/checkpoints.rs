@@ -18,7 +18,7 @@ fn succeed(output: Output) -> String {
 /// middle.
 fn stopped() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    crate::samples::photos(folder.path().join("photos"), [6, 24, 40], 0);
+    trisplat_fixtures::samples::photos(folder.path().join("photos"), [6, 24, 40], 0);
     let options = [
         "--steps",
         "20",

@@ -1,10 +1,8 @@
 //! Damaged photos, of a kind that has made a decoder panic.
 
-#[path = "../common/png.rs"]
-pub(super) mod png;
-
 use super::{fails, sample, stderr, trisplat};
 use std::path::{Path, PathBuf};
+use trisplat_fixtures::png;
 use trisplat_synthetic::SyntheticOptions;
 
 /// A data set of four photos, the last of them these bytes.

@@ -35,7 +35,7 @@ pub(super) fn inputs() -> (String, String, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let text = |path: PathBuf| path.to_str().unwrap().to_owned();
     let soup = text(folder.path().join("soup.ply"));
-    crate::samples::studio(&soup, 800);
+    trisplat_fixtures::samples::studio(&soup, 800);
     (soup, text(sample("dataset")), folder)
 }
 
@@ -218,7 +218,7 @@ fn independent(renders: &Path, photos: &Path, ours: &RepresentationScore) {
     let mut python = Command::new("python3");
     python.arg(script).arg(renders).arg(photos).arg("--json").arg(&json);
     if !python.output().is_ok_and(|o| o.status.success()) {
-        crate::skip::skipped(
+        trisplat_fixtures::skip::skipped(
             "no ../shared/metrics/compare.py, or no Python with numpy, pillow and scipy",
         );
         return;
@@ -346,7 +346,7 @@ fn info_prints_a_table_of_a_data_set() {
 fn a_made_data_set_can_be_read() {
     let (_, _, folder) = inputs();
     let out = folder.path().join("made").to_str().unwrap().to_owned();
-    crate::samples::photos(&out, [3, 16, 20], 0);
+    trisplat_fixtures::samples::photos(&out, [3, 16, 20], 0);
     let dataset = Dataset::load(Path::new(&out), &DatasetOptions::default()).unwrap();
     assert_eq!((dataset.views.len(), dataset.points.len(), dataset.test().count()), (3, 20, 1));
     assert!(dataset.views.iter().all(|v| v.photo.decode().is_ok()));

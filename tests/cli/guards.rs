@@ -41,7 +41,7 @@ const WITHOUT_INPUTS: [(&str, &str); 4] = [
 /// A folder with a soup and photos of enough places for two blocks.
 fn large_folder() -> tempfile::TempDir {
     let folder = folder();
-    crate::samples::photos(folder.path().join("photos"), [8, 32, 200], 0);
+    trisplat_fixtures::samples::photos(folder.path().join("photos"), [8, 32, 200], 0);
     folder
 }
 

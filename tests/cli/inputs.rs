@@ -2,11 +2,11 @@
 //! the file and the remedy.
 
 use super::{fails, sample, stderr, trisplat};
-use crate::folders::copy_folder;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use trisplat_fixtures::folders::copy_folder;
 use trisplat_formats::ply;
 use trisplat_scene::{Soup, camera::Camera};
 

@@ -4,13 +4,13 @@
 use super::train::{dataset, succeed, train};
 use super::train_teacher::{SHORT, few_photos, read, train_few};
 use super::{sample, trisplat};
-use crate::phone::phone_sample;
 use serde_json::json;
 use std::ops::ControlFlow::{self, Continue};
 use std::path::Path;
 use std::process::Command;
 use trisplat::{BakeJob, BakeOptions, BakePreset, Dataset, DatasetOptions, TrainJob, TrainOptions};
 use trisplat_dataset::exposure::{ExposureEvidence, ExposureUse};
+use trisplat_fixtures::phone::phone_sample;
 use trisplat_job::{BakeInput, Baked, Event, TeacherSource, TrainDone, TrainPart};
 use trisplat_scene::{Budget, Seconds, layered::Layers};
 use trisplat_train::Trained;

@@ -2,10 +2,10 @@
 
 use super::train::dataset;
 use super::{sample, stderr, trisplat};
-#[cfg(unix)]
-use crate::phone;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+#[cfg(unix)]
+use trisplat_fixtures::phone;
 use trisplat_scene::image::RgbImage;
 
 /// `make` with a number of steps, for the same bytes on every run.

@@ -1,9 +1,9 @@
 //! What the command line says: errors that name the remedy, scores, percents, colours.
 
 use super::{fails, sample, stderr, trisplat};
-use crate::folders::copy_folder;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use trisplat_fixtures::folders::copy_folder;
 
 fn dataset() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/dataset")
@@ -493,7 +493,7 @@ fn screen(text: &str) -> Vec<String> {
 #[test]
 fn no_spinner_stays_in_the_terminal() {
     if Command::new("script").arg("--version").output().is_err() {
-        return crate::skip::skipped("no `script`, which gives a program a terminal");
+        return trisplat_fixtures::skip::skipped("no `script`, which gives a program a terminal");
     }
     let folder = tempfile::tempdir().unwrap();
     let program = env!("CARGO_BIN_EXE_trisplat");

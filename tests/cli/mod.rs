@@ -2,12 +2,17 @@
 
 mod budget;
 mod capture;
+#[cfg(feature = "gpu")]
+mod card;
 mod checkpoints;
+mod city;
+mod collision;
 mod damaged;
 mod examples;
 mod fidelity;
 mod foreign_names;
 mod guards;
+mod info;
 mod inputs;
 mod install;
 mod library;
@@ -18,8 +23,8 @@ mod option_ranges;
 #[cfg(target_os = "linux")]
 mod out_of_memory;
 mod outputs;
+mod pages;
 mod python;
-mod ranges;
 mod readme;
 mod resources;
 mod samples;

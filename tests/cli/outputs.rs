@@ -2,10 +2,10 @@
 //! work starts; what fails on the way costs nothing else.
 
 use super::{fails, sample, stderr, trisplat};
-use crate::samples;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use trisplat_fixtures::samples;
 
 type Argument<'a> = &'a dyn AsRef<OsStr>;
 

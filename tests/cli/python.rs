@@ -31,7 +31,7 @@ assert any("'psnr': 2" in str(cell.get("outputs")) for cell in notebook.cells), 
 #[test]
 fn the_wheel_reads_and_bakes() {
     if std::env::var_os("TRISPLAT_PYTHON").is_none() {
-        crate::skip::skipped("TRISPLAT_PYTHON is not set: the wheel is not built");
+        trisplat_fixtures::skip::skipped("TRISPLAT_PYTHON is not set: the wheel is not built");
         return;
     }
     let bin = here("target/judges/venv/bin");

@@ -4,15 +4,12 @@
 
 #![allow(clippy::print_stderr, reason = "names the commands that are only parsed")]
 
-#[allow(dead_code, reason = "shared with the tests of checkpoints")]
-#[path = "../pt/files.rs"]
-mod checkpoints;
-
-use crate::folders::copy_folder;
 use checkpoints::{checkpoint, floats};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use trisplat_fixtures::checkpoints;
+use trisplat_fixtures::folders::copy_folder;
 
 /// Every line of every ```sh block of the two pages, once.
 fn commands() -> Vec<String> {
@@ -114,7 +111,7 @@ fn every_command_of_the_readme_runs() {
             arguments[1] = "soft.ply";
         }
         if arguments[0] == "view" && cfg!(not(feature = "view")) {
-            crate::skip::skipped(&format!("built without the feature view: {command}"));
+            trisplat_fixtures::skip::skipped(&format!("built without the feature view: {command}"));
             continue;
         }
         let more = if only_parsed { &["--help"] } else { additions(&arguments) };

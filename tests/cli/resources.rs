@@ -1,14 +1,14 @@
 //! What inputs may cost, and what a system may lack: memory of decoders, threads, a folder for
 //! temporary files.
 
-#[cfg(target_os = "linux")]
-use super::damaged::png;
 use super::{sample, stderr, trisplat};
 use image::{ImageBuffer, Rgb, Rgba};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+#[cfg(target_os = "linux")]
+use trisplat_fixtures::png;
 
 const MIB: u64 = 1 << 20;
 

@@ -4,17 +4,17 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use trisplat_bake::{Bake, BakeOptions, Views};
-use trisplat_bench::scenes;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{
     self as formats, OutputOptions, OutputTarget, ReadOptions, ply::write_soup,
 };
 use trisplat_job::EvalJob;
 use trisplat_scene::{ImportedScene, Scene, Soup};
+use trisplat_synthetic::soups;
 
 fn check(soup: &Soup, recipe: &str, file: &str) {
     let mut bytes = Vec::new();
-    write_soup(&mut bytes, soup, &scenes::provenance(recipe), &[]).unwrap();
+    write_soup(&mut bytes, soup, &soups::provenance(recipe), &[]).unwrap();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups").join(file);
     if std::env::var_os("UPDATE").is_some() {
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -27,12 +27,12 @@ fn check(soup: &Soup, recipe: &str, file: &str) {
 
 #[test]
 fn studio_is_current() {
-    check(&scenes::studio(8000, 1), &scenes::studio_recipe(8000, 1), "studio.ply");
+    check(&soups::studio(8000, 1), &soups::studio_recipe(8000, 1), "studio.ply");
 }
 
 #[test]
 fn degenerate_is_current() {
-    check(&scenes::degenerate(), scenes::DEGENERATE_RECIPE, "degenerate.ply");
+    check(&soups::degenerate(), soups::DEGENERATE_RECIPE, "degenerate.ply");
 }
 
 /// The README's command that trains on the sample data set, and the file that it writes.

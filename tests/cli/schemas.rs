@@ -43,7 +43,7 @@ for e in jsonschema.Draft202012Validator(schema).iter_errors(value): print(e.jso
             "no Python at {}",
             python.display()
         );
-        crate::skip::skipped("no target/judges: run tests/run.sh");
+        trisplat_fixtures::skip::skipped("no target/judges: run tests/run.sh");
         return None;
     }
     let schema: Value = serde_json::from_str(&name.text()).unwrap();

@@ -4,10 +4,10 @@
 
 use super::capture::{Fake, names};
 use super::stderr;
-use crate::folders::copy_folder;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use trisplat_fixtures::folders::copy_folder;
 
 const CAPTURE: [&str; 4] = ["capture", "photos", "-o", "set"];
 
@@ -250,7 +250,7 @@ fn one_or_two_photos_are_refused_before_anything_runs_and_no_folder_is_left() {
         assert!(!fake.at("m.make").exists(), "{input}");
     }
     // A data set with poses too.
-    crate::samples::photos(fake.at("two"), [2, 32, 60], 0);
+    trisplat_fixtures::samples::photos(fake.at("two"), [2, 32, 60], 0);
     let said = fake.error(&["make", "two", "-o", "m.glb"]);
     assert!(said.contains("2 photos are not enough; give 3 or more"), "{said}");
     assert!(!fake.at("m.make").exists() && !fake.at("m.glb").exists());

@@ -3,15 +3,15 @@
 
 use super::cases::{Case, plain};
 use super::tree;
-use crate::samples;
 use std::path::Path;
+use trisplat_fixtures::samples;
 
 /// Photos in `in/photos/images`, `views` of them, and the program with a model of them.
 fn begin(folder: &Path, views: u32) {
     std::fs::create_dir_all(folder.join("out")).unwrap();
     samples::photos(folder.join("in/photos"), [views, 32, 200], 0);
     let mut program = tree::Tree::new();
-    program.insert("in/colmap".into(), include_bytes!("../common/colmap.sh").into());
+    program.insert("in/colmap".into(), include_bytes!("../fixtures/colmap.sh").into());
     for (name, bytes) in tree::read(&folder.join("in/photos/sparse/0")) {
         program.insert(format!("in/model/{name}"), bytes);
     }

@@ -2,9 +2,9 @@
 
 use super::run::{Fault, Injector, Kind, Run};
 use super::tree::{self, Tree};
-use crate::samples;
 use std::path::Path;
 use std::process::Command;
+use trisplat_fixtures::samples;
 use trisplat_train::checkpoint;
 
 /// A command, the files it finds and what it makes.

@@ -27,7 +27,7 @@ use trisplat_scene::Rng;
 /// Visits the calls of `case`, with every kind of fault.
 fn visit(case: &Case) {
     let Some(injector) = Injector::build() else {
-        crate::skip::skipped("no `cc` that compiles a library for LD_PRELOAD");
+        trisplat_fixtures::skip::skipped("no `cc` that compiles a library for LD_PRELOAD");
         return;
     };
     let new = case.outcome(&injector);
@@ -52,7 +52,7 @@ fn visit(case: &Case) {
     let began = Instant::now();
     let seed = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap();
     let random = Rng::new(seed.as_nanos() as u64, case.name, 0);
-    while began.elapsed() < crate::night::duration() {
+    while began.elapsed() < trisplat_fixtures::duration() {
         let kind = [Kind::Kill, Kind::Kill, Kind::Error, Kind::Full]
             [random.bits(2 * visited) as usize % 4];
         let fault = Fault { kind, at: 1 + random.bits(2 * visited + 1) % new.calls };

@@ -5,7 +5,6 @@
 //! by round, so that a machine that slows down slows all of them; the median of the rounds is kept.
 
 use super::machine::{self, Usage, print_json};
-use super::scenes;
 use serde::Serialize;
 use std::ffi::OsString;
 use std::io::{Read, Write};
@@ -146,8 +145,12 @@ fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<Ba
 /// Writes the sample scene.
 fn write_input(path: &Path, triangles: usize) -> Result<()> {
     let mut bytes = Vec::new();
-    let written =
-        ply::write_soup(&mut bytes, &scenes::studio(triangles, 1), &Provenance::default(), &[]);
+    let written = ply::write_soup(
+        &mut bytes,
+        &trisplat_synthetic::soups::studio(triangles, 1),
+        &Provenance::default(),
+        &[],
+    );
     written.and_then(|()| std::fs::write(path, bytes)).map_err(|e| Error::io(path, e))
 }
 

@@ -1,14 +1,14 @@
 //! The command line of the program.
 
 use crate::machine::{self, print_json};
-use crate::{bake, cost, scenes, stress};
+use crate::{bake, cost, stress};
 use clap::{Args, Parser, Subcommand};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use trisplat_formats::ply;
 use trisplat_scene::{Error, Result, ranges};
-use trisplat_synthetic::SyntheticOptions;
+use trisplat_synthetic::{SyntheticOptions, soups};
 
 /// Measures what trisplat costs and how exact it is, and makes samples.
 #[derive(Debug, Parser)]
@@ -120,11 +120,11 @@ fn run(command: &Command) -> Result<()> {
 fn make(sample: &Sample) -> Result<()> {
     match sample {
         Sample::Studio { triangles, seed, to } => {
-            let provenance = scenes::provenance(&scenes::studio_recipe(*triangles, *seed));
-            write_soup(to, &scenes::studio(*triangles, *seed), &provenance)
+            let provenance = soups::provenance(&soups::studio_recipe(*triangles, *seed));
+            write_soup(to, &soups::studio(*triangles, *seed), &provenance)
         }
         Sample::Degenerate(to) => {
-            write_soup(to, &scenes::degenerate(), &scenes::provenance(scenes::DEGENERATE_RECIPE))
+            write_soup(to, &soups::degenerate(), &soups::provenance(soups::DEGENERATE_RECIPE))
         }
         Sample::Dataset { to, options } => {
             let holds =

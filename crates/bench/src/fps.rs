@@ -5,7 +5,6 @@
 //! empty screen cannot win.
 
 use super::machine::print_json;
-use super::scenes;
 use glam::{UVec2, Vec3};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -151,7 +150,7 @@ fn flythrough(args: &FpsArgs, triangles: Option<usize>) -> Result<Flythrough> {
             (name, formats::read(file, &ReadOptions::with_degree(0))?)
         }
         (None, count) => {
-            let soup = scenes::studio(count.unwrap_or_default(), 1);
+            let soup = trisplat_synthetic::soups::studio(count.unwrap_or_default(), 1);
             ("studio".into(), ImportedScene::from(Scene::Soup(soup)))
         }
     };

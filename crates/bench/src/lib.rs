@@ -11,6 +11,4 @@ mod cost;
 #[cfg(feature = "gpu")]
 mod fps;
 mod machine;
-pub mod scenes;
 pub mod stress;
-mod studio;

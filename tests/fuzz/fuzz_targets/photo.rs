@@ -3,7 +3,7 @@
 #![no_main]
 
 #[allow(dead_code, reason = "shared with the tests of photos")]
-#[path = "../../common/png.rs"]
+#[path = "../../fixtures/src/png.rs"]
 mod png;
 
 use libfuzzer_sys::fuzz_target;

@@ -5,6 +5,8 @@
 mod colmap;
 mod phone;
 mod scene;
+pub mod soups;
+mod studio;
 
 use colmap::{ImageRow, PointRow};
 pub use phone::{PhoneTruth, PhotoTruth, TRUTH_FILE};

@@ -1,0 +1,9 @@
+//! glTF read back: files of this program in every variant, files of others, and hostile files.
+
+mod check;
+mod files;
+mod foreign;
+mod gltf_json;
+mod hostile;
+mod own;
+mod pictures;
