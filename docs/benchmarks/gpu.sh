@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Measures training and drawing on this machine's graphics card, in at most eight minutes, with programs that are already built:
 #   cargo build --release --features gpu && cargo build --release -p trisplat-bench --features gpu
-#   cargo test --release --features gpu --test card --no-run
+#   cargo test --release -p trisplat-train --features gpu --test train --no-run
 #   docs/benchmarks/gpu.sh [PROGRAM] [TEST PROGRAM] [DATASET] >gpu.txt
 # DATASET is a folder of photos and poses, which are taken at full size. Without a card, SMALL=1 measures software Vulkan on small
 # sizes. What takes longer than its share is stopped, and says so. Tables go to standard output, in the form of gpu.md.
@@ -50,7 +50,7 @@ fi
 # Correctness first: figures of wrong pictures are worth little. A card is rare, though, so they are taken all the same.
 correct=true
 if [ -n "$tests" ]; then
-    if TRISPLAT_REQUIRE_GPU=1 within "$test_seconds" "$tests" train_gpu:: >tests.log 2>&1; then
+    if TRISPLAT_REQUIRE_GPU=1 within "$test_seconds" "$tests" gpu:: >tests.log 2>&1; then
         grep 'test result' tests.log
     else
         correct=false

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes docs/images/capture.jpg: a held-out photo, the same view of the GLB in Godot 4 (Forward+), and its wires.
-# Usage: docs/images/capture.sh TRISPLAT DATASET PHOTO CROP [SOUP]   (after tests/godot4.sh; with ImageMagick)
+# Usage: docs/images/capture.sh TRISPLAT DATASET PHOTO CROP [SOUP]   (after tests/judges/godot4.sh; with ImageMagick)
 # DATASET has a transforms.json beside its COLMAP model; CROP is WxH+X+Y in pixels of the photo. Without SOUP it trains for four minutes of CPU time.
 set -euo pipefail
 trisplat=$(realpath "$1")
@@ -15,7 +15,7 @@ trap 'rm -rf "$folder"' EXIT
 [ -n "$soup" ] || { soup=$folder/soup.ply && "$trisplat" train "$dataset" -o "$soup" --budget 4m; }
 # In the frame of the photos, so that their cameras are the engine's.
 "$trisplat" bake "$soup" --dataset "$dataset" --up y --target godot -o "$folder/scene.glb"
-cp docs/images/capture.gd tests/godot4/project.godot "$folder"
+cp docs/images/capture.gd tests/judges/godot4/project.godot "$folder"
 size=$(python3 - "$dataset" "$photo" "$folder/view.json" <<'PY'
 import json, sys
 

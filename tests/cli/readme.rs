@@ -93,7 +93,7 @@ fn every_command_of_the_readme_runs() {
             ["bash", "tests/run.sh"] | ["cargo", "install", "--path", "."] => continue,
             _ => panic!("a command of the README that no test knows: {command}"),
         };
-        // A window wants a screen and somebody to close it; tests/view opens one. Poses want
+        // A window wants a screen and somebody to close it; tests/window opens one. Poses want
         // another program; tests/cli/capture.rs has one.
         let only_parsed = ["view", "capture"].contains(&arguments[0]);
         // The additions to a bake of splats choose the preset.

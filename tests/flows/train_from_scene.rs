@@ -9,7 +9,7 @@ use trisplat_bake::{Bake, TeacherOptions};
 use trisplat_scene::{Placement, UpAxis, frames};
 use trisplat_synthetic::SyntheticOptions;
 use trisplat_teacher as teacher;
-use trisplat_train::{TrainOutputs, TrainEvent, TrainInputs, checkpoint};
+use trisplat_train::{TrainEvent, TrainInputs, TrainOutputs, checkpoint};
 
 /// Stops a run after a step.
 fn stop_at(step: u64) -> impl FnMut(TrainEvent<'_>) -> ControlFlow<()> {

@@ -1,7 +1,7 @@
 //! Where the scene is stored and optimised while it trains.
 //!
 //! There are two backends, [`CpuBackend`](super::cpu::CpuBackend) and, with the feature `gpu`, one
-//! on a graphics card (`train::gpu::GpuBackend`); `tests/train_gpu` compares them. A backend runs
+//! on a graphics card (`train::gpu::GpuBackend`); `crates/train/tests/train/gpu` compares them. A backend runs
 //! only the inner loop. Densification exists once: it takes the state out, changes it and puts it
 //! back.
 

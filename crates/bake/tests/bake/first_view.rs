@@ -1,7 +1,6 @@
 //! What one sees first of a file: its subject, from a stored viewpoint, with nothing around it.
 
 use glam::{DVec3, UVec2, Vec3};
-use std::path::Path;
 use trisplat_bake::{Bake, BakeOptions};
 use trisplat_formats::{
     self as formats, ReadOptions,

@@ -2,7 +2,6 @@
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::ops::ControlFlow::{self, Continue};
-use std::path::Path;
 use trisplat_bake::{
     Bake, BakeOptions, BakePreset, Decimation, LodDetails, LodOptions, LodRanking, SAMPLES,
     visible_px,

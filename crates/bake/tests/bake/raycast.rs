@@ -2,7 +2,6 @@
 
 use super::hostile::{finite, grid, mesh_of, random};
 use glam::{DVec3, Vec3, vec3};
-use std::path::Path;
 use trisplat_formats::{ReadOptions, Source, ply};
 use trisplat_scene::{Asset, Hit, Provenance, Rng, Scene, mesh::Mesh};
 

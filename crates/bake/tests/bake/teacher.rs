@@ -1,18 +1,18 @@
 //! A soft scene whose own pictures take the place of photos.
 
-use glam::{Mat3, UVec2, Vec2, Vec3};
+use glam::Vec3;
 use trisplat_bake::{
     Bake, BakeOptions, BakePreset, ReshapeOptions, SOLID_SIGMA, SolidOptions, TeacherDetails,
     TeacherOptions, UpChoice, Views, is_solid, softness, teacher,
 };
-use trisplat_fixtures::soups::ball;
-pub(crate) use trisplat_fixtures::soups::ball_cameras as cameras;
+use trisplat_fixtures::soups::soup_of;
+pub(crate) use trisplat_fixtures::soups::{ball, ball_cameras as cameras};
 use trisplat_raster::{
     soft::SoftOptions,
     solid::{SolidRasterOptions, SolidRasterizer},
 };
 use trisplat_scene::{
-    Asset, Error, ImportedScene, Region, Scene, Soup, UpAxis, UpDirection,
+    Asset, Error, ImportedScene, Region, Scene, UpAxis, UpDirection,
     camera::Camera,
     math::metric,
     report::{Outcome, Report},

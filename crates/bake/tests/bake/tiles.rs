@@ -1,7 +1,6 @@
 //! Tiles: what each shows, and that together they show everything once.
 
 use glam::Vec3;
-use std::path::Path;
 use trisplat_bake::{Bake, BakeOptions, BakePreset, TilesDetails, TilesOptions};
 use trisplat_scene::{
     Asset, Tile,

@@ -2,7 +2,7 @@
 //!
 //! `gltf-json` has types for all of them, and two are used (the asset, the buffers). The others are
 //! this crate's own, because `gltf-json` 1.4 loses information, as shown by tests in
-//! `tests/gltf_read/gltf_json.rs`:
+//! `crates/formats/tests/formats/gltf_read/gltf_json.rs`:
 //!
 //! - Indices, modes and component types are taken modulo 2^32: mesh 4294967296 reads as mesh 0.
 //! - A scene without `nodes`, which glTF allows, is refused.

@@ -2,7 +2,6 @@
 
 use glam::Vec3;
 use std::io::{Seek, Write};
-use std::path::PathBuf;
 use trisplat_formats::Source;
 use trisplat_scene::{
     ImportedScene, Placement, Provenance, Result, Rng, Scene, Soup, UpAxis,

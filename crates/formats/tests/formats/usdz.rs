@@ -1,4 +1,4 @@
-//! USDZ: the archive as its specification wants it, and the scene in it. `tests/external/usdz.rs`
+//! USDZ: the archive as its specification wants it, and the scene in it. `tests/judges/usdz.rs`
 //! asks the library of its makers.
 
 use glam::{Vec2, Vec3};

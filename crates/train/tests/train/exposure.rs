@@ -6,7 +6,7 @@ use std::path::Path;
 use trisplat_dataset::exposure::{ExposureUse, Strengths};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_fixtures::phone::{TENTH_OF_A_STOP, error_of_gains, phone_sample, true_spread};
-use trisplat_train::{TrainOutputs, TrainOptions, TrainPreset, TrainInputs, checkpoint};
+use trisplat_train::{TrainInputs, TrainOptions, TrainOutputs, TrainPreset, checkpoint};
 
 fn options(steps: u64) -> TrainOptions {
     let solid = TrainOptions::preset(TrainPreset::Solid);

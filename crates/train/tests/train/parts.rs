@@ -9,7 +9,7 @@ use trisplat_scene::SceneNormalization;
 use trisplat_scene::{ImportedScene, Soup};
 use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::TrainOptions;
-use trisplat_train::{Core, TrainedPart, TrainOutputs, TrainPreset, TrainInputs, checkpoint};
+use trisplat_train::{Core, TrainInputs, TrainOutputs, TrainPreset, TrainedPart, checkpoint};
 
 fn photos(folder: &Path) -> Dataset {
     let options =
