@@ -145,12 +145,12 @@ fn matrix(placement: &Placement) -> [[f32; 3]; 4] {
 /// From now on panics, which do not unwind here, print a line before they end the process.
 fn report_faults() {
     std::panic::set_hook(Box::new(|panic| {
-        let message = input::text(panic.payload());
+        let message = input::panic_message(panic.payload());
         let place = panic
             .location()
             .map_or_else(String::new, |at| format!(" ({}:{})", at.file(), at.line()));
         match INPUT.get().filter(|_| is_guarded()) {
-            Some(path) => say("error", input::failed(path, message).to_string()),
+            Some(path) => say("error", input::decoder_panic(path, message).to_string()),
             None => {
                 let fault = format!(
                     "trisplat has a fault: {message}{place}; please report it with the file"

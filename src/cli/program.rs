@@ -15,7 +15,7 @@ use std::process::ExitCode;
 use std::sync::{Mutex, PoisonError};
 use trisplat_dataset::DatasetOptions;
 use trisplat_formats::ReadOptions;
-use trisplat_scene::input::{is_guarded, text};
+use trisplat_scene::input::{is_guarded, panic_message};
 use trisplat_scene::{Error, Limits, Result};
 
 /// Turns photographs and Gaussian splats into triangle scenes a game engine draws as they are.
@@ -250,7 +250,7 @@ pub(super) fn report_once() {
         if std::thread::current().id() == main || rayon::current_thread_index().is_some() {
             *PLACE.lock().unwrap_or_else(PoisonError::into_inner) = Some(place);
         } else {
-            messages::print(&format!("warning: {}", fault(text(info.payload()), &place)));
+            messages::print(&format!("warning: {}", fault(panic_message(info.payload()), &place)));
         }
     }));
 }
@@ -259,7 +259,7 @@ pub(super) fn report_once() {
 pub(super) fn caught<T>(run: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(|payload| {
         let place = PLACE.lock().unwrap_or_else(PoisonError::into_inner).take().unwrap_or_default();
-        Err(Error::Incomplete(fault(text(&*payload), &place)))
+        Err(Error::Incomplete(fault(panic_message(&*payload), &place)))
     })
 }
 

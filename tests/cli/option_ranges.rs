@@ -15,7 +15,7 @@ use trisplat_dataset::DatasetOptions;
 use trisplat_scale::PlanOptions;
 use trisplat_scene::{
     Error, Result,
-    ranges::{ABOVE_ZERO, Called, each},
+    ranges::{ABOVE_ZERO, OptionNaming, each},
 };
 use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::TrainOptions;
@@ -30,30 +30,30 @@ fn every(found: &mut Found<'_>) {
     bake.prune.max_triangles = Some(5);
     bake.unseen.max_error = Some(0.5);
     bake.lod.lod = vec![0.5];
-    numbers(&bake, BakeOptions::validate, Called::ByFlag, found);
+    numbers(&bake, BakeOptions::validate, OptionNaming::Flag, found);
     let mut mesh = MeshOptions::default();
     mesh.surface.resolution = Some(128);
     mesh.surface.voxel = Some(0.5);
     mesh.surface.max_triangles = Some(5);
-    numbers(&mesh, MeshOptions::validate, Called::ByFlag, found);
+    numbers(&mesh, MeshOptions::validate, OptionNaming::Flag, found);
     let plan = PlanOptions { blocks: Some(5), ..PlanOptions::default() };
-    numbers(&plan, PlanOptions::validate, Called::ByFlag, found);
+    numbers(&plan, PlanOptions::validate, OptionNaming::Flag, found);
     let photos = DatasetOptions { max_size: Some(5), ..DatasetOptions::default() };
-    numbers(&photos, DatasetOptions::validate, Called::ByFlag, found);
-    numbers(&TrainOptions::default(), TrainOptions::validate, Called::ByKey, found);
+    numbers(&photos, DatasetOptions::validate, OptionNaming::Flag, found);
+    numbers(&TrainOptions::default(), TrainOptions::validate, OptionNaming::Key, found);
 }
 
 /// Options, a way to check them, and how their numbers are called.
 struct Numbers<'a> {
     options: Value,
     validate: &'a dyn Fn(Value) -> Result<()>,
-    called: Called,
+    called: OptionNaming,
 }
 
 fn numbers<T: Serialize + DeserializeOwned + JsonSchema>(
     options: &T,
     validate: fn(&T) -> Result<()>,
-    called: Called,
+    called: OptionNaming,
     found: &mut Found<'_>,
 ) {
     validate(options).expect("the defaults are in range");
@@ -95,8 +95,11 @@ fn every_number_of_every_option_has_a_range_and_keeps_to_it() {
         }
         count += 1;
         assert!(range.0 > f64::MIN && range.1 < f64::MAX, "{key} has no range");
-        let name =
-            if *called == Called::ByKey { key } else { key.rsplit('.').next().expect("a name") };
+        let name = if *called == OptionNaming::Key {
+            key
+        } else {
+            key.rsplit('.').next().expect("a name")
+        };
         for number in outside(range) {
             let whole = number.fract() == 0.0 && number.abs() < 1e18;
             let number: Value = if whole { (number as i64).into() } else { number.into() };

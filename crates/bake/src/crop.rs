@@ -107,7 +107,7 @@ fn keep_parts(soup: &mut Soup, keep: &[bool], volume: &SubjectVolume) -> u64 {
         order.extend(parts.iter().map(|_| i));
         corners.extend(parts);
     }
-    *soup = Soup { vertices: corners, ..soup.picked(&order) };
+    *soup = Soup { vertices: corners, ..soup.subset(&order) };
     cut
 }
 

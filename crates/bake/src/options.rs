@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use trisplat_formats::OutputTarget;
 use trisplat_formats::output::{Output, OutputFormat, OutputOptions, SideFiles};
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::{Error, Result};
 use trisplat_surface::CollisionOptions;
 
@@ -227,7 +227,7 @@ impl BakeOptions {
     /// Checks the ranges that need no scene; stages check the rest.
     pub fn validate(&self) -> Result<()> {
         self.lod.validate()?;
-        ranges::check(self, Called::ByFlag)?;
+        ranges::check(self, OptionNaming::Flag)?;
         ranges::check_finite("max_error", self.unseen.max_error)?;
         if self.tiles.tiles && !self.lod.lod.is_empty() {
             let wants = "nothing: `tiles` makes levels of its own";

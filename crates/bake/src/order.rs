@@ -119,7 +119,7 @@ pub(crate) fn arrange(
         return Outcome::Skipped("near triangles are near in the file already");
     }
     match scene {
-        Scene::Soup(soup) => *soup = soup.picked(&places),
+        Scene::Soup(soup) => *soup = soup.subset(&places),
         Scene::Mesh(mesh) => mesh.select(&places.iter().map(|&i| i as u32).collect::<Vec<_>>()),
     }
     Outcome::Changed(())

@@ -13,7 +13,7 @@ use trisplat_scene::camera::{Camera, Viewpoint};
 use trisplat_scene::math::geometry::{bounds, central};
 use trisplat_scene::math::lists::all_finite;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::report::Outcome;
 use trisplat_scene::{
     Error, Placement, Provenance, Result, UpAxis, UpDirection, frames, parallel, stored_cameras,
@@ -72,7 +72,7 @@ impl PlaceOptions {
 
     /// Checks ranges.
     pub fn validate(&self) -> Result<()> {
-        ranges::check(self, Called::ByFlag)?;
+        ranges::check(self, OptionNaming::Flag)?;
         if self.scale_by.is_some() && self.scale != 1.0 {
             return Err(Error::invalid("scale_by", "given beside `scale`", "one of the two"));
         }

@@ -7,7 +7,7 @@ use glam::Vec3;
 use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::report::{Outcome, counted, to_json};
 use trisplat_scene::{Error, Result, Scene, Soup};
 
@@ -55,7 +55,7 @@ impl PruneOptions {
 
     /// Checks the ranges.
     pub fn validate(&self) -> Result<()> {
-        ranges::check(self, Called::ByFlag)
+        ranges::check(self, OptionNaming::Flag)
     }
 }
 

@@ -27,7 +27,7 @@ use super::views::Views;
 use reshaped::ReshapedFaces;
 use round::{RoundEffort, Rounds};
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::report::{Outcome, StageProgress};
 use trisplat_scene::{Error, Result};
 
@@ -71,7 +71,7 @@ impl ReshapeOptions {
         if self.reshape_rounds == 0 {
             return Err(Error::invalid("reshape_rounds", 0, "1 or more, or `reshape` off"));
         }
-        ranges::check(self, Called::ByFlag)
+        ranges::check(self, OptionNaming::Flag)
     }
 }
 

@@ -17,7 +17,7 @@ use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::lists::evenly_spaced;
 use trisplat_scene::math::metric;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::report::Outcome;
 use trisplat_scene::stored_cameras::decode_cameras;
 use trisplat_scene::{ImportedScene, Result, Scene, Soup};
@@ -71,7 +71,7 @@ impl TeacherOptions {
     pub const OFF: Self = Self { teacher: TeacherWhen::Off, ..Self::DEFAULT };
 
     fn validate(&self) -> Result<()> {
-        ranges::check(self, Called::ByFlag)
+        ranges::check(self, OptionNaming::Flag)
     }
 }
 

@@ -16,7 +16,7 @@
 use rayon::prelude::*;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::report::Outcome;
 use trisplat_scene::{Asset, Result, Tile};
 
@@ -41,7 +41,7 @@ impl TilesOptions {
 
     /// Checks the range.
     pub fn validate(&self) -> Result<()> {
-        ranges::check(self, Called::ByFlag)
+        ranges::check(self, OptionNaming::Flag)
     }
 
     /// Shares of the triangles in the levels coarser than the finest, for a scene of `faces`

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::report::{Outcome, StageProgress};
 use trisplat_scene::{Error, Result, parallel};
 
@@ -124,7 +124,7 @@ pub fn unseen(
     details: &mut UnseenDetails,
     progress: &mut StageProgress<'_>,
 ) -> Result<Outcome<()>> {
-    ranges::check(options, Called::ByFlag)?;
+    ranges::check(options, OptionNaming::Flag)?;
     ranges::check_finite("max_error", options.max_error)?;
     if let (None, Some(db)) = (&views, options.max_error) {
         return Err(Error::invalid("max_error", db, "`dataset`: error is measured on photos"));

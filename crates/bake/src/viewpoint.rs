@@ -38,7 +38,7 @@ pub(crate) fn viewpoint(
     }
     let mesh = &asset.mesh;
     let faces = asset.scene_faces();
-    let room = |from: Vec3| asset.room(from);
+    let room = |from: Vec3| asset.distance_to_backdrop(from);
     let corners = |face: usize| mesh.corners(face);
     let is_single_sided = |face: usize| asset.mesh.is_single_sided(face);
     let scenery = Scenery {

@@ -6,7 +6,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 use trisplat_formats::ReadOptions;
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::{Limits, Result};
 
 /// How a folder of posed photos is read.
@@ -55,7 +55,7 @@ pub struct DatasetOptions {
 impl DatasetOptions {
     /// Checks the ranges.
     pub fn validate(&self) -> Result<()> {
-        ranges::check(self, Called::ByFlag)
+        ranges::check(self, OptionNaming::Flag)
     }
 
     /// Memory for decoded photos, bytes.

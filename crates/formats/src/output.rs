@@ -12,7 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::{Error, Result};
 
 pub use encode::write;
@@ -59,7 +59,7 @@ impl OutputOptions {
 
     /// Checks the ranges of numbers.
     pub fn validate(&self) -> Result<()> {
-        ranges::check(self, Called::ByFlag)
+        ranges::check(self, OptionNaming::Flag)
     }
 
     /// The glTF options of the target; notes for the user go into `details`.

@@ -292,7 +292,7 @@ impl Cells {
         let numbers =
             along_curve(&middles.iter().map(|middle| middle.as_dvec3()).collect::<Vec<_>>());
         let order: Vec<usize> = numbers.iter().map(|i| *i as usize).collect();
-        let mut soup = soup.picked(&order);
+        let mut soup = soup.subset(&order);
         change(&mut soup);
         let around = |corners: &[[Vec3; 3]]| {
             let corners = corners.as_flattened().iter();

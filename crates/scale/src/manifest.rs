@@ -11,7 +11,7 @@ use trisplat_dataset::DatasetOptions;
 use trisplat_formats::{self as formats, ReadOptions, ply};
 use trisplat_scene::atomic::{AtomicFile, folder_of, put, sweep_folder};
 use trisplat_scene::camera::Camera;
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::{
     Error, ImportedScene, Limits, Provenance, Result, SceneNormalization, Soup, input,
 };
@@ -354,7 +354,7 @@ impl PlanOptions {
 
     /// Checks ranges.
     pub fn validate(&self) -> Result<()> {
-        ranges::check(self, Called::ByFlag)
+        ranges::check(self, OptionNaming::Flag)
     }
 
     /// Number of blocks.

@@ -430,7 +430,7 @@ impl<'a> Cutter<'a> {
         manifest: &mut AtomicFile,
     ) -> Result<Source> {
         let begun = manifest.path().with_file_name(format!("start-{index:04}.ply"));
-        let mut soup = self.soup.picked(order);
+        let mut soup = self.soup.subset(order);
         // The plan says which of these are the block's part of it.
         soup.shell.clear();
         let parts = (&soup, &self.scene.provenance, &[][..]);

@@ -21,7 +21,7 @@ pub struct Chunk {
 /// Mesh + chunks + provenance.
 #[derive(Debug, Clone, Default)]
 pub struct Asset {
-    /// What an engine draws.
+    /// The drawn triangles.
     pub mesh: Mesh,
     /// Consecutive runs that together hold every face once; a single one when not chunked. A
     /// backdrop is a separate run, the last.
@@ -40,7 +40,7 @@ pub struct Asset {
     /// The surroundings as a panorama in place of a backdrop, written into a separate file:
     /// equirectangular, its middle towards +X, a quarter from the left -Z.
     pub sky: Option<RgbImage>,
-    /// What [`Asset::raycast`] has built.
+    /// The tree that [`Asset::raycast`] builds.
     pub rays: RayTree,
 }
 
@@ -49,7 +49,8 @@ pub struct Asset {
 pub struct Tile {
     /// Drawn while the children are not; may be empty.
     pub mesh: Mesh,
-    /// The size of detail that it leaves out, units of the file; 0 for full detail.
+    /// Geometric error: the size of the detail that it leaves out, units of the file; 0 for full
+    /// detail.
     pub error: f64,
     /// Its children, which replace it, each for a part of it.
     pub children: Vec<Tile>,
@@ -66,7 +67,7 @@ impl Tile {
         Self::ERROR_PER_DETAIL * detail
     }
 
-    /// Whether it and its children are empty.
+    /// True when the tile has neither faces nor children.
     pub fn is_empty(&self) -> bool {
         self.mesh.face_count() == 0 && self.children.is_empty()
     }
@@ -74,7 +75,9 @@ impl Tile {
     /// Calls `visit` with this tile and all below it, each before its children.
     pub fn visit<'a>(&'a self, visit: &mut impl FnMut(&'a Tile)) {
         visit(self);
-        self.children.iter().for_each(|child| child.visit(visit));
+        for child in &self.children {
+            child.visit(visit);
+        }
     }
 }
 
@@ -98,26 +101,26 @@ impl Asset {
         self.mesh.detail_of_first(self.scene_faces())
     }
 
-    /// Whether there is a scene and a backdrop.
+    /// True when there are faces of both the scene and a backdrop.
     pub fn has_backdrop(&self) -> bool {
         (1..self.mesh.face_count()).contains(&self.scene_faces())
     }
 
-    /// Distance from a place to the backdrop; infinite without one.
-    pub fn room(&self, from: Vec3) -> f32 {
-        let behind = self.scene_faces()..self.mesh.face_count();
-        let corners = behind.flat_map(|face| self.mesh.corners(face));
+    /// Distance from a point to the backdrop; infinite without one.
+    pub fn distance_to_backdrop(&self, from: Vec3) -> f32 {
+        let backdrop = self.scene_faces()..self.mesh.face_count();
+        let corners = backdrop.flat_map(|face| self.mesh.corners(face));
         corners.map(|corner| corner.distance_squared(from)).fold(f32::INFINITY, f32::min).sqrt()
     }
 
     /// The scene and its backdrop as two assets without levels; `None` when it has none.
-    pub fn apart(&self) -> Option<(Asset, Asset)> {
+    pub fn split_backdrop(&self) -> Option<(Asset, Asset)> {
         if !self.has_backdrop() {
             return None;
         }
         let faces = self.scene_faces();
         let mut mesh = self.mesh.clone();
-        let behind = mesh.split_off(faces);
+        let backdrop_mesh = mesh.split_off(faces);
         let provenance = |backdrop| Provenance { backdrop, ..self.provenance.clone() };
         let chunks =
             self.chunks.iter().filter(|chunk| (chunk.first as usize) < faces).copied().collect();
@@ -125,7 +128,7 @@ impl Asset {
         let scene =
             Asset { mesh, chunks, provenance: provenance(0), collision, ..Asset::default() };
         let provenance = provenance(self.provenance.backdrop).without_views();
-        let backdrop = Asset { provenance, ..Asset::from(behind) };
+        let backdrop = Asset { provenance, ..Asset::from(backdrop_mesh) };
         Some((scene, backdrop))
     }
 
@@ -256,7 +259,7 @@ impl From<UpAxis> for UpDirection {
     }
 }
 
-/// How the source's world became the file's: `file = turn(rotate) * up_to_y * (scale * (world -
+/// Transform from the source's world to the file: `file = turn(rotate) * up_to_y * (scale * (world -
 /// center))`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -272,19 +275,19 @@ pub struct Placement {
     pub center: [f64; 3],
 }
 
-/// Largest scale, turn and centre of a placement, so that combined placements stay within the range
+/// Maximum scale, turn and centre of a placement, so that combined placements stay within the range
 /// of an `f64`.
-const LARGEST_PLACEMENT: f64 = f32::MAX as f64;
+const MAX_PLACEMENT: f64 = f32::MAX as f64;
 
 fn is_zero<T: Default + PartialEq>(x: &T) -> bool {
     *x == T::default()
 }
 
 impl Placement {
-    /// Whether the placement is possible.
+    /// True when the numbers are in range and the scale is positive.
     fn is_possible(&self) -> bool {
         let numbers = [self.rotate, self.scale, 1.0 / self.scale].into_iter().chain(self.center);
-        self.scale > 0.0 && numbers.into_iter().all(|number| number.abs() <= LARGEST_PLACEMENT)
+        self.scale > 0.0 && numbers.into_iter().all(|number| number.abs() <= MAX_PLACEMENT)
     }
 
     /// The identity: the file is in the frame of its source.
@@ -333,7 +336,7 @@ impl Placement {
         let point = |p: [f64; 3]| rotation * self.scale * (DVec3::from(p) - center);
         let eye = point(viewpoint.eye);
         let target = point(viewpoint.target);
-        let level = (target - eye).normalize_or_zero().y.abs() < ALONG_UP;
+        let level = (target - eye).normalize_or_zero().y.abs() < MIN_VERTICAL_COSINE;
         let up = if level { DVec3::Y } else { rotation * DVec3::from(viewpoint.up) };
         let radius = viewpoint.radius.map(|radius| radius * self.scale);
         Viewpoint {
@@ -381,8 +384,8 @@ impl Placement {
     }
 }
 
-/// Views this close to the up axis (cosine) keep the up direction of the photos.
-const ALONG_UP: f64 = 0.995;
+/// Cosine of the angle to the up axis from which a view keeps the up direction of the photos.
+const MIN_VERTICAL_COSINE: f64 = 0.995;
 
 impl Default for Placement {
     fn default() -> Self {
@@ -427,7 +430,7 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    /// The same for what nobody looks at alone: without viewpoint and cameras.
+    /// The same without viewpoint and cameras, for a part that is not viewed alone.
     pub fn without_views(self) -> Self {
         Self { viewpoint: None, cameras: Vec::new(), ..self }
     }

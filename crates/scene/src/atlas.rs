@@ -2,35 +2,34 @@
 //!
 //! In: a mesh whose colours multiply its pictures, and the faces that have one. Out: a texture of
 //! all faces. A face that shows one tile of a picture in one tint keeps the picture as its page.
-//! Every other face becomes a patch of one more page, the atlas: what repeats or goes beyond the
-//! border, what its corners tint differently, and what has no picture.
+//! Every other face becomes a patch of one more page, the atlas: faces whose picture repeats or goes
+//! beyond the border, whose corners have different tints, or that have no picture.
 
 use crate::image::RgbImage;
 use crate::math::color::{linear_of_srgb8, srgb8_from_linear};
 use crate::mesh::{Colors, Mesh};
 use crate::report::counted;
-use crate::{FaceTexture, Texture, packed, parallel};
+use crate::{FaceTexture, Texture, pack_rectangles, parallel};
 use glam::{UVec2, Vec2};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Maximum number of pictures that are kept: of more, drawing each by itself costs an engine more than they
-/// show.
+/// Maximum number of pictures that stay pages of their own: each is a draw call of an engine.
 const MAX_PAGES: usize = 255;
-/// Maximum number of texels of all copies of pictures in another tint.
-const MAX_TINTED: u64 = 1 << 26;
-/// Largest side of the atlas, texels.
-const LARGEST: u32 = 8192;
-/// Largest side of a patch, texels.
-const LARGEST_PATCH: f32 = 4096.0;
-/// Texture coordinates this far beyond the border are on it.
-const ROUNDING: f32 = 1e-3;
+/// Maximum number of texels of all tinted copies of pictures.
+const MAX_TINTED_TEXELS: u64 = 1 << 26;
+/// Maximum side of the atlas, texels.
+const MAX_ATLAS_SIDE: u32 = 8192;
+/// Maximum side of a patch, texels.
+const MAX_PATCH_SIDE: f32 = 4096.0;
+/// Tolerance of texture coordinates beyond the border, as a share of the picture.
+const BORDER_TOLERANCE: f32 = 1e-3;
 /// Texels around a patch that filters may touch.
 const MARGIN: f32 = 2.0;
 /// Patches begin at multiples of this, so that two mip levels do not mix them.
 const STEP: u32 = 4;
-/// Patches are made coarser this often before they lose their picture.
+/// Maximum number of times that patches are halved before they lose their picture.
 const MAX_HALVINGS: usize = 14;
 
 const WHITE: Tints = [[255; 3]; 3];
@@ -38,15 +37,15 @@ const WHITE: Tints = [[255; 3]; 3];
 /// sRGB codes of a face's corners, which multiply its picture.
 type Tints = [[u8; 3]; 3];
 
-/// How a picture goes on beyond its border, along one axis.
+/// Wrapping mode of a picture beyond its border, along one axis.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Wrap {
-    /// It begins again.
+    /// The picture repeats.
     #[default]
     Repeat,
     /// Every second tile is reversed.
     Mirror,
-    /// The last texels go on.
+    /// The border texels are repeated.
     Clamp,
 }
 
@@ -65,21 +64,21 @@ pub struct PaintedFaces {
 
 impl Wrap {
     /// Coordinates of a face moved into [0, 1]; none if they show more than one tile.
-    fn within(self, at: [f32; 3]) -> Option<[f32; 3]> {
+    fn into_unit(self, at: [f32; 3]) -> Option<[f32; 3]> {
         let low = at[0].min(at[1]).min(at[2]);
         let high = at[0].max(at[1]).max(at[2]);
-        let tile = match (low + ROUNDING).floor() {
-            _ if low >= -ROUNDING && high <= 1.0 + ROUNDING => 0.0,
+        let tile = match (low + BORDER_TOLERANCE).floor() {
+            _ if low >= -BORDER_TOLERANCE && high <= 1.0 + BORDER_TOLERANCE => 0.0,
             _ if self == Self::Clamp && (low >= 1.0 || high <= 0.0) => 0.0,
             _ if self == Self::Clamp => return None,
-            tile if high - tile <= 1.0 + ROUNDING => tile,
+            tile if high - tile <= 1.0 + BORDER_TOLERANCE => tile,
             _ => return None,
         };
         let reversed = self == Self::Mirror && tile.rem_euclid(2.0) == 1.0;
         Some(at.map(|x| if reversed { tile + 1.0 - x } else { x - tile }.clamp(0.0, 1.0)))
     }
 
-    /// The texel of a row of `size` that is seen at `at`.
+    /// The texel of a row of `size` texels at the unwrapped place `at`.
     fn texel(self, at: i64, size: u32) -> u32 {
         let size = i64::from(size);
         let texel = match self {
@@ -120,12 +119,13 @@ struct AtlasDraft {
     /// Page, or patch, and the places of every face so far.
     faces: Vec<(FaceSource, [Vec2; 3])>,
     pages: Vec<Arc<Texture>>,
-    /// By picture and tint.
+    /// Page number of each picture and tint.
     page_numbers: BTreeMap<(usize, [u8; 3]), u16>,
-    tinted: u64,
+    tinted_texels: u64,
     patches: Vec<AtlasPatch>,
     patch_numbers: BTreeMap<PatchKey, u32>,
-    unplaced: u64,
+    /// Number of faces with a picture but without texture coordinates.
+    faces_without_uvs: u64,
 }
 
 /// The picture and how it goes on, the tints, and the part of the picture.
@@ -170,11 +170,11 @@ impl AtlasDraft {
         for (face, uvs) in part.faces.clone().zip(&part.uvs) {
             let of_face = tints(mesh, face);
             if !uvs.iter().all(|uv| uv.is_finite()) {
-                self.unplaced += 1;
+                self.faces_without_uvs += 1;
                 self.add_patch(None, of_face, [Vec2::ZERO; 3]);
                 continue;
             }
-            let along = |axis: usize| part.wrap[axis].within(uvs.map(|uv| uv[axis]));
+            let along = |axis: usize| part.wrap[axis].into_unit(uvs.map(|uv| uv[axis]));
             let within = along(0).zip(along(1)).filter(|_| is_even || of_face == WHITE);
             let page = within.and_then(|_| self.page(part.image, of_face[0], texture));
             match (page, within) {
@@ -194,12 +194,14 @@ impl AtlasDraft {
         }
         let texels = u64::from(texture.size().element_product());
         let is_tinted = tint != WHITE[0];
-        if self.pages.len() == MAX_PAGES || is_tinted && self.tinted + texels > MAX_TINTED {
+        if self.pages.len() == MAX_PAGES
+            || is_tinted && self.tinted_texels + texels > MAX_TINTED_TEXELS
+        {
             return None;
         }
         let mut page = texture.clone();
         if is_tinted {
-            self.tinted += texels;
+            self.tinted_texels += texels;
             let picture = texture.picture();
             let tint = linear(tint);
             let rgb =
@@ -254,32 +256,32 @@ impl AtlasDraft {
 
     fn finish(mut self, mesh: &mut Mesh) -> Vec<String> {
         let mut notes = Vec::new();
-        if self.unplaced > 0 {
-            let faces = counted(self.unplaced, "textured triangle");
+        if self.faces_without_uvs > 0 {
+            let faces = counted(self.faces_without_uvs, "textured triangle");
             notes.push(format!(
                 "{faces} without texture coordinates have the colour of their material"
             ));
         }
-        let mut placed = Vec::new();
+        let mut patch_places = Vec::new();
         let atlas = self.pages.len() as u16;
         if !self.patches.is_empty() {
-            let Some((frames, size, places)) = self.arranged() else {
+            let Some((frames, size, places)) = self.arrange() else {
                 let pieces = counted(self.patches.len() as u64, "piece");
                 notes.push(format!(
                     "textures are not kept: an atlas of {pieces} is too large; bake parts of the file"
                 ));
                 return notes;
             };
-            notes.extend(self.coarser(&frames));
-            let page = drawn(&self.patches, &frames, size, &places);
+            notes.extend(self.coarseness_note(&frames));
+            let page = draw_atlas(&self.patches, &frames, size, &places);
             self.pages.push(Arc::new(Texture::new(page)));
-            placed = frames.into_iter().zip(places).collect();
+            patch_places = frames.into_iter().zip(places).collect();
         }
         let size = self.pages.last().map_or(Vec2::ONE, |page| page.size().as_vec2());
         let of_face = |face: usize| match self.faces[face] {
             (FaceSource::Page(page), uvs) => (page, uvs),
             (FaceSource::Patch(number), uvs) => {
-                let (frame, place) = &placed[number as usize];
+                let (frame, place) = &patch_places[number as usize];
                 let within = self.patches[number as usize].places(frame, uvs);
                 (atlas, within.map(|at| (at + place.as_vec2()) / size))
             }
@@ -303,17 +305,17 @@ impl AtlasDraft {
 
     /// The texels of all patches, at the finest level that fits, the size of the atlas, and the
     /// place of each.
-    fn arranged(&self) -> Option<(Vec<PatchExtent>, UVec2, Vec<UVec2>)> {
+    fn arrange(&self) -> Option<(Vec<PatchExtent>, UVec2, Vec<UVec2>)> {
         (0..=MAX_HALVINGS).find_map(|halvings| {
             let frames: Vec<PatchExtent> =
                 self.patches.iter().map(|patch| patch.frame(halvings)).collect();
             let sizes: Vec<UVec2> = frames.iter().map(|frame| frame.size).collect();
-            packed(&sizes, LARGEST).map(|(size, places)| (frames, size, places))
+            pack_rectangles(&sizes, MAX_ATLAS_SIDE).map(|(size, places)| (frames, size, places))
         })
     }
 
-    /// What is said of patches that are coarser than their pictures.
-    fn coarser(&self, frames: &[PatchExtent]) -> Option<String> {
+    /// Note for the user about patches that are coarser than their pictures.
+    fn coarseness_note(&self, frames: &[PatchExtent]) -> Option<String> {
         let is_coarse = |face: &&(FaceSource, [Vec2; 3])| match face.0 {
             FaceSource::Patch(number) => {
                 self.patches[number as usize].picture.is_some()
@@ -324,7 +326,7 @@ impl AtlasDraft {
         let count = self.faces.iter().filter(is_coarse).count() as u64;
         (count > 0).then(|| {
             let faces = counted(count, "triangle");
-            format!("the pictures of {faces} repeat too often for an atlas of {LARGEST} texels a side: they are coarser")
+            format!("the pictures of {faces} repeat too often for an atlas of {MAX_ATLAS_SIDE} texels a side: they are coarser")
         })
     }
 }
@@ -343,7 +345,7 @@ impl AtlasPatch {
             let low = (a.min(b).min(c) * texels - 0.5).floor() - MARGIN;
             let high = (a.max(b).max(c) * texels - 0.5).ceil() + 1.0 + MARGIN;
             let size = high - low;
-            (size.max_element() <= LARGEST_PATCH).then(|| PatchExtent {
+            (size.max_element() <= MAX_PATCH_SIDE).then(|| PatchExtent {
                 level: Some(level),
                 low,
                 size: size.as_uvec2().map(|side| side.next_multiple_of(STEP)),
@@ -406,7 +408,7 @@ impl AtlasPatch {
 }
 
 /// The picture of all patches.
-fn drawn(
+fn draw_atlas(
     patches: &[AtlasPatch],
     frames: &[PatchExtent],
     size: UVec2,

@@ -8,9 +8,9 @@
 //!
 //! Among files that belong together one names the others. A few files are a set, [`publish`]. Many
 //! files have names with a hash of their bytes, so they replace nothing: [`put`] makes them and
-//! ties them to the file that names them, and [`sweep_folder`] removes those of earlier runs. A
-//! whole folder is an [`AtomicFolder`]. What later runs may replace or remove in a user's folder is
-//! in its [`FileManifest`].
+//! ties them to the file that names them, and [`sweep_folder`] removes the files of earlier runs. A
+//! whole folder is an [`AtomicFolder`]. A [`FileManifest`] lists the files that later runs may
+//! replace or remove in a user's folder.
 
 mod folder;
 mod manifest;
@@ -53,7 +53,7 @@ impl AtomicFile {
     ///
     /// # Errors
     ///
-    /// What the operating system refuses; another program that is writing the same file; a link
+    /// Errors of the operating system; another program that is writing the same file; a link
     /// that leads to itself.
     pub fn create(path: &Path) -> Result<Self> {
         let io = |e| Error::io(path, e);
@@ -92,7 +92,7 @@ impl AtomicFile {
     ///
     /// # Errors
     ///
-    /// What the operating system refuses; a file of that name that appeared after this one was
+    /// Errors of the operating system; a file of that name that appeared after this one was
     /// started.
     pub fn commit(self) -> Result<u64> {
         publish(vec![self]).map(|sizes| sizes.iter().sum())
@@ -102,7 +102,7 @@ impl AtomicFile {
     ///
     /// # Errors
     ///
-    /// Those of [`AtomicFile::commit`].
+    /// As for [`AtomicFile::commit`].
     pub fn commit_with(mut self, bytes: impl AsRef<[u8]>) -> Result<u64> {
         self.write_all(bytes.as_ref()).map_err(|e| Error::io(&self.path, e))?;
         self.commit()
@@ -132,7 +132,7 @@ impl AtomicFile {
 ///
 /// # Errors
 ///
-/// What the operating system refuses; a file that has appeared under a name since its successor was
+/// Errors of the operating system; a file that has appeared under a name since its successor was
 /// started.
 pub fn publish(mut files: Vec<AtomicFile>) -> Result<Vec<u64>> {
     files.iter_mut().try_for_each(AtomicFile::finish)?;
@@ -158,9 +158,11 @@ pub fn publish(mut files: Vec<AtomicFile>) -> Result<Vec<u64>> {
     for (_, file) in &mut set {
         file.published = true;
         temporary::forget(&mut list, &file.path);
-        file.named.iter().for_each(|path| temporary::forget(&mut list, path));
+        for path in &file.named_files {
+            temporary::forget(&mut list, path);
+        }
     }
-    // Those of a killed run too. The next run removes what stays.
+    // Also old files of a killed run. The next run removes the rest.
     for Move { old, .. } in moves.iter().filter(|_| moves.len() > 1) {
         let _ = std::fs::remove_file(old);
     }
@@ -230,7 +232,7 @@ fn sync_folder(folder: &Path) -> io::Result<()> {
 ///
 /// # Errors
 ///
-/// A file of that name with other bytes; what the operating system refuses.
+/// A file of that name with other bytes; errors of the operating system.
 pub fn put(
     folder: &Path,
     (stem, ending): (&str, &str),
@@ -255,7 +257,7 @@ pub fn put(
     let file = AtomicFile::create(&path)?;
     if let Some(Destination::Temporary(naming)) = naming.map(|naming| &mut naming.to) {
         temporary::register(&path);
-        naming.named.push(path.clone());
+        naming.named_files.push(path.clone());
     }
     file.commit_with(bytes)?;
     Ok((path, hash))
@@ -278,7 +280,7 @@ pub fn sweep_folder(folder: &Path, is_stale: impl Fn(&str) -> bool) {
     }
 }
 
-/// Whether a file's name ends with the hash of its bytes (XXH3).
+/// True when a file's name ends with the hash of its bytes (XXH3).
 fn names_its_bytes(path: &Path) -> bool {
     let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
     let Some((_, named)) = stem.rsplit_once('-') else { return false };
@@ -416,7 +418,9 @@ mod tests {
         let [data, main] = ["a.bin", "a.gltf"].map(|name| folder.path().join(name));
         let both = |text: &str| {
             let mut files = [&data, &main].map(|path| AtomicFile::create(path).unwrap());
-            files.iter_mut().for_each(|file| file.write_all(text.as_bytes()).unwrap());
+            for file in &mut files {
+                file.write_all(text.as_bytes()).unwrap();
+            }
             Vec::from(files)
         };
         publish(both("old")).unwrap();

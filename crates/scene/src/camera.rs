@@ -24,7 +24,7 @@ pub struct Camera {
     pub size: UVec2,
 }
 
-/// The ranges of a lens, for messages: what is beyond them draws nothing, or one point.
+/// The ranges of a lens, for messages: a lens beyond them draws nothing, or one point.
 pub const LENS: &str = "focal lengths of 0.001 to 100,000 times the longer side and a centre within 10,000 times it, px";
 
 /// Elevation of the cameras of [`Camera::orbit`]: 20 degrees, in radians.
@@ -87,11 +87,11 @@ impl Camera {
     /// Project a point of the world: its pixel position and depth, hidden or not; `None` outside the
     /// picture.
     pub fn project(&self, point: Vec3) -> Option<(Vec2, f32)> {
-        let seen = self.rotation * point + self.translation;
-        let at = seen.truncate() / seen.z * self.focal + self.center;
+        let in_camera = self.rotation * point + self.translation;
+        let at = in_camera.truncate() / in_camera.z * self.focal + self.center;
         let within =
-            seen.z > 0.0 && at.cmpge(Vec2::ZERO).all() && at.cmplt(self.size.as_vec2()).all();
-        within.then_some((at, seen.z))
+            in_camera.z > 0.0 && at.cmpge(Vec2::ZERO).all() && at.cmplt(self.size.as_vec2()).all();
+        within.then_some((at, in_camera.z))
     }
 
     /// True when a point of the world is within the picture, hidden or not.
@@ -102,9 +102,9 @@ impl Camera {
         z > 0.0 && within(u, self.size.x) && within(v, self.size.y)
     }
 
-    /// The same camera for a picture with sides of at most `longest`, px.
-    pub fn fit_within(&self, longest: u32) -> Self {
-        let share = f64::from(longest) / f64::from(self.size.max_element());
+    /// The same camera for a picture with sides of at most `max_side` px.
+    pub fn fit_within(&self, max_side: u32) -> Self {
+        let share = f64::from(max_side) / f64::from(self.size.max_element());
         if share >= 1.0 {
             *self
         } else {
@@ -122,8 +122,8 @@ impl Camera {
         Self { rotation, translation: -(rotation * eye), ..*self }
     }
 
-    /// Whether a lens has these focal lengths and this principal point, px, for pictures of `size`:
-    /// [`LENS`].
+    /// True when a lens may have these focal lengths and this principal point, px, for pictures of
+    /// `size`: [`LENS`].
     pub fn is_lens(focal: DVec2, center: DVec2, size: UVec2) -> bool {
         let longer = f64::from(size.max_element());
         let range = 1e-3 * longer..=1e5 * longer;
@@ -188,26 +188,26 @@ pub struct Viewpoint {
     /// Radius of the subject around the target; absent when unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<f64>,
-    /// How far photos look around the target; absent when unknown or on all sides.
+    /// Range of the photos' directions around the target; absent when unknown or on all sides.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub orbit: Option<OrbitRange>,
 }
 
-/// How far photos look around a [`Viewpoint`]'s target, and a little beyond. Viewers keep their
-/// orbit within.
+/// Range of the photos' directions around a [`Viewpoint`]'s target, and a little beyond. Viewers keep
+/// their orbit within.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OrbitRange {
-    /// Minimum and largest turn around the up direction, degrees: 0 is the eye, and more is
+    /// Minimum and maximum turn around the up direction, degrees: 0 is the eye, and more is
     /// counter-clockwise seen from above. Absent when photos surround the target.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turn: Option<[f64; 2]>,
-    /// Minimum and largest elevation above the target, degrees.
+    /// Minimum and maximum elevation above the target, degrees.
     pub elevation: [f64; 2],
 }
 
 impl OrbitRange {
-    /// Whether its numbers are angles, the lower one first, and the eye is within.
+    /// True when the numbers are angles, the lower one first, and the eye is within.
     fn is_possible(&self) -> bool {
         let [low, high] = self.elevation;
         let turns =
@@ -225,8 +225,8 @@ impl Viewpoint {
         lens.with_look_at(eye, target, up)
     }
 
-    /// Whether a camera can look from here: its numbers fit an `f32`, and it has a distance and
-    /// angles.
+    /// True when a camera can look from here: the numbers fit an `f32`, and distance and angles are
+    /// possible.
     pub fn is_possible(&self) -> bool {
         let fits = |v: [f64; 3]| DVec3::from(v).as_vec3().is_finite();
         let placed = [self.eye, self.target, self.up].into_iter().all(fits);

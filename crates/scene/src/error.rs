@@ -6,19 +6,19 @@ use std::path::{Path, PathBuf};
 /// The result of every fallible function of the library.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// Why something could not be done, grouped by who can fix it.
+/// The error of every fallible function, grouped by who can fix it.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// An error of the operating system: permissions, a full disk, a missing file.
-    #[error("{}: {source}", shown(path))]
+    #[error("{}: {source}", display(path))]
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// A file violates its format.
-    #[error("{}: {at}: {reason}", shown(path))]
+    #[error("{}: {at}: {reason}", display(path))]
     Malformed {
         /// The file.
         path: PathBuf,
@@ -28,7 +28,7 @@ pub enum Error {
         reason: String,
     },
     /// The file is valid but has unsupported content; `reason` ends with the remedy.
-    #[error("{}: {reason}", shown(path))]
+    #[error("{}: {reason}", display(path))]
     Unsupported {
         /// The file.
         path: PathBuf,
@@ -43,19 +43,19 @@ pub enum Error {
         option: String,
         /// The value given.
         value: String,
-        /// What would be accepted.
+        /// The accepted values.
         wants: String,
     },
     /// More data than a format or a machine can hold.
     #[error("{what} is {bytes} bytes, the limit is {limit}: {remedy}")]
     TooLarge {
-        /// What is too large.
+        /// The data that are too large.
         what: String,
         /// Its size.
         bytes: u64,
         /// The largest size that works.
         limit: u64,
-        /// What to do instead.
+        /// The remedy.
         remedy: String,
     },
     /// The result exists, but another output is missing; the text names it.
@@ -64,7 +64,7 @@ pub enum Error {
     /// A run was stopped before it had a result.
     #[error("{what}")]
     Stopped {
-        /// Where it was stopped, and how to go on.
+        /// The place at which it was stopped, and how to go on.
         what: String,
     },
     /// A file exceeds a limit: see [`Limits`](crate::limits::Limits).
@@ -78,9 +78,9 @@ pub enum Error {
         what: &'static str,
         /// The limit's key.
         key: &'static str,
-        /// How much there is.
+        /// The amount in the file.
         value: u64,
-        /// How much there may be.
+        /// The largest amount allowed.
         limit: u64,
     },
     /// There is not enough memory for a large array.
@@ -99,9 +99,9 @@ pub enum Error {
     /// A training on a graphics card ended early.
     #[error("{error}; {remedy}")]
     Card {
-        /// What went wrong.
+        /// The fault.
         error: Box<Error>,
-        /// How to continue.
+        /// The remedy.
         remedy: String,
     },
 }
@@ -174,7 +174,7 @@ impl Error {
 }
 
 /// A path in a message; the working folder has a name, too.
-fn shown(path: &Path) -> std::path::Display<'_> {
+fn display(path: &Path) -> std::path::Display<'_> {
     if path.as_os_str().is_empty() { Path::new(".").display() } else { path.display() }
 }
 
@@ -182,7 +182,7 @@ fn shown(path: &Path) -> std::path::Display<'_> {
 const MAX_EXCERPT: usize = 80;
 
 /// Length of a message up to which it is left as it is, bytes: it holds no more than a few paths.
-const SHORT_MESSAGE: usize = 600;
+const UNCUT_MESSAGE_BYTES: usize = 600;
 /// Maximum length of a message, characters.
 const MAX_MESSAGE: usize = 2000;
 
@@ -194,7 +194,7 @@ pub fn excerpt(text: &str) -> String {
 /// Shorten a long message: whatever text of a file is in it, such as that of a parser's error,
 /// takes little space.
 fn in_message(text: String) -> String {
-    if text.len() <= SHORT_MESSAGE {
+    if text.len() <= UNCUT_MESSAGE_BYTES {
         return text;
     }
     let words: Vec<Cow<str>> = text.split(' ').map(|word| cut(word, MAX_EXCERPT)).collect();

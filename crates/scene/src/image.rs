@@ -11,7 +11,7 @@ use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
 use crate::input;
 use crate::limits::Limits;
-use decode::{decode, ends_well, header_size};
+use decode::{decode, header_size, is_complete};
 use glam::UVec2;
 use shrink::area_average;
 use std::io::{BufReader, Cursor, Seek};
@@ -80,15 +80,15 @@ impl RgbImage {
 
     /// [`RgbImage::load`] of a picture within `limits`.
     pub fn load_within(path: &Path, limits: &Limits) -> Result<Self> {
-        Ok(Self::of_decoded(decode(path, limits)?))
+        Ok(Self::from_decoded(decode(path, limits)?))
     }
 
     /// [`RgbImage::load_within`] of a smaller picture if that takes less time or memory, with no
-    /// side below that of `least`: a JPEG at 1/2, 1/4 or 1/8 of its size, a larger opaque PNG at
-    /// that of `least`. Returns the full size too.
-    pub fn load_reduced(path: &Path, least: UVec2, limits: &Limits) -> Result<(Self, UVec2)> {
-        let (picture, full) = decode::decode_reduced(path, least, limits)?;
-        Ok((Self::of_decoded(picture), full))
+    /// side below that of `min_size`: a JPEG at 1/2, 1/4 or 1/8 of its size, a larger opaque PNG at
+    /// `min_size`. Returns the full size too.
+    pub fn load_reduced(path: &Path, min_size: UVec2, limits: &Limits) -> Result<(Self, UVec2)> {
+        let (picture, full) = decode::decode_reduced(path, min_size, limits)?;
+        Ok((Self::from_decoded(picture), full))
     }
 
     /// The picture turned upright by an EXIF `orientation`, 1 to 8.
@@ -118,7 +118,7 @@ impl RgbImage {
         }
     }
 
-    fn of_decoded(picture: image::DynamicImage) -> Self {
+    fn from_decoded(picture: image::DynamicImage) -> Self {
         let size = UVec2::new(picture.width(), picture.height());
         if !picture.color().has_alpha() {
             return Self { size, rgb: triples(picture.into_rgb8().into_raw()), alpha: None };
@@ -149,20 +149,20 @@ impl RgbImage {
     pub fn size_of(path: &Path, limits: &Limits) -> Result<UVec2> {
         let io = |e| Error::io(path, e);
         let (mut file, len) = input::open(path, limits)?;
-        let ends_well = ends_well(&mut file).map_err(io)?;
+        let is_complete = is_complete(&mut file).map_err(io)?;
         file.rewind().map_err(io)?;
         let size = header_size(path, BufReader::new(file), len, limits)?;
-        if !ends_well {
+        if !is_complete {
             decode(path, limits)?;
         }
         Ok(size)
     }
 
-    /// Maximum bytes that decoding a picture file of `size` px takes, the result included and a JPEG's
-    /// own bytes excluded, by its first bytes.
+    /// Maximum bytes that decoding a picture file of `size` px takes, by its first bytes: with the
+    /// result, without the bytes of a JPEG file.
     pub fn decoding_bytes(path: &Path, size: UVec2, limits: &Limits) -> Result<u64> {
         let (file, _) = input::open(path, limits)?;
-        decode::most_bytes(path, BufReader::new(file), size)
+        decode::max_decoding_bytes(path, BufReader::new(file), size)
     }
 
     /// True when a picture file has a channel for opacity, according to its first bytes.
@@ -185,7 +185,7 @@ impl RgbImage {
         self
     }
 
-    /// Adds a background to a picture with colours over black, and removes the alpha.
+    /// Adds a background to a picture with premultiplied colours, and removes the alpha.
     pub fn recomposited(&self, background: [u8; 3]) -> Self {
         let mut rgb = self.rgb.clone();
         for (pixel, &a) in rgb.iter_mut().zip(self.alpha.iter().flatten()) {
@@ -197,7 +197,7 @@ impl RgbImage {
         Self { size: self.size, rgb, alpha: None }
     }
 
-    /// Divides colours over black by their alpha; black where alpha is 0.
+    /// Divides premultiplied colours by their alpha; black where alpha is 0.
     pub fn unpremultiplied(&self) -> Self {
         let mut straight = self.clone();
         for (pixel, &a) in straight.rgb.iter_mut().zip(self.alpha.iter().flatten()) {
@@ -232,7 +232,7 @@ impl RgbImage {
         Self { size, rgb, alpha }
     }
 
-    /// [`Self::downscaled`], without a copy of one that has the size.
+    /// [`Self::downscaled`], without a copy if the picture has the size.
     pub fn shared_at(self: Arc<Self>, size: UVec2) -> Arc<Self> {
         if size == self.size { self } else { Arc::new(self.downscaled(size)) }
     }
@@ -275,7 +275,7 @@ impl RgbImage {
     /// Decodes a picture inside another file; `place` is for messages. Otherwise like
     /// [`RgbImage::load_within`].
     pub fn from_bytes(place: &Path, bytes: &[u8], limits: &Limits) -> Result<Self> {
-        Ok(Self::of_decoded(decode::decode_bytes(place, bytes, limits)?))
+        Ok(Self::from_decoded(decode::decode_bytes(place, bytes, limits)?))
     }
 
     /// The XXH3 hash of size, colours and alpha.
@@ -310,14 +310,14 @@ pub fn parse_size(text: &str) -> std::result::Result<UVec2, String> {
     let sides = text.split_once(['x', 'X']);
     let parsed = sides.and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
     let parsed = parsed.ok_or("expected WIDTHxHEIGHT, such as 1280x720")?;
-    if parsed.min_element() == 0 || parsed.max_element() > LARGEST_SIDE {
-        return Err(format!("expected 1 to {LARGEST_SIDE} px each way, such as 1280x720"));
+    if parsed.min_element() == 0 || parsed.max_element() > MAX_SIDE {
+        return Err(format!("expected 1 to {MAX_SIDE} px each way, such as 1280x720"));
     }
     Ok(parsed)
 }
 
-/// The widest and highest picture that every graphics card of today can draw, px.
-const LARGEST_SIDE: u32 = 8192;
+/// Maximum side of a picture that every graphics card of today can draw, px.
+const MAX_SIDE: u32 = 8192;
 
 #[cfg(test)]
 mod tests {

@@ -43,9 +43,8 @@ pub fn open(path: &Path, limits: &Limits) -> Result<(File, u64)> {
 /// messages.
 pub fn spool(path: &Path, from: &mut dyn Read, limits: &Limits) -> Result<(File, u64)> {
     let mut file = tempfile::tempfile().map_err(Error::temporary)?;
-    let most = limits.file_bytes.saturating_add(1);
-    let len =
-        copy_stream(&mut from.take(most), &mut file, |e| Error::io(path, e), Error::temporary)?;
+    let mut limited = from.take(limits.file_bytes.saturating_add(1));
+    let len = copy_stream(&mut limited, &mut file, |e| Error::io(path, e), Error::temporary)?;
     limits.file(path, len)?;
     file.seek(SeekFrom::Start(0)).map_err(Error::temporary)?;
     Ok((file, len))
@@ -96,12 +95,12 @@ pub fn read(path: &Path, limits: &Limits) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// All bytes of a file of our own, which may be as large as memory, if `check` finds nothing wrong
-/// with its first ones; it gets the length too.
+/// All bytes of a file that this program wrote, which may be as large as memory. `check` gets the
+/// open file and its length first and may refuse it.
 ///
 /// # Errors
 ///
-/// As for [`open`]; those of `check`.
+/// As for [`open`]; errors of `check`.
 pub fn read_large(
     path: &Path,
     limits: &Limits,
@@ -113,18 +112,20 @@ pub fn read_large(
     read_all(path, file, len, limits.file_bytes, limits)
 }
 
-/// The `len` bytes of an open file, or more if it grows, to just above `most`.
+/// Read the `len` bytes of an open file, or more if it grows, up to one above `max_bytes`.
 pub(crate) fn read_all(
     path: &Path,
     file: impl Read,
     len: u64,
-    most: u64,
+    max_bytes: u64,
     limits: &Limits,
 ) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     limits.reserve(path.display(), &mut bytes, len as usize)?;
     // The file may grow during reading.
-    file.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+    file.take(max_bytes.saturating_add(1))
+        .read_to_end(&mut bytes)
+        .map_err(|e| Error::io(path, e))?;
     Ok(bytes)
 }
 
@@ -167,15 +168,15 @@ pub fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
         .map(|entry| folder.join(entry.file_name()))
 }
 
-/// All files below `folder`, also through links; each folder once. What cannot be listed is left
-/// out.
+/// All files below `folder`, also through links; each folder once. A folder that cannot be listed
+/// is left out.
 pub fn files_below(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
-    let mut seen = HashSet::new();
+    let mut visited = HashSet::new();
     let mut folders = vec![folder.to_owned()];
     while let Some(folder) = folders.pop() {
         // Links may lead in a circle.
-        let is_new = std::fs::canonicalize(&folder).is_ok_and(|full| seen.insert(full));
+        let is_new = std::fs::canonicalize(&folder).is_ok_and(|full| visited.insert(full));
         for path in is_new.then(|| entries(&folder)).into_iter().flatten() {
             if path.is_dir() { folders.push(path) } else { files.push(path) }
         }
@@ -187,10 +188,10 @@ fn check_regular(path: &Path, meta: &Metadata) -> Result<()> {
     if meta.is_dir() {
         return Err(Error::unsupported(path, "is a folder; give a file"));
     }
-    // Such a file looks empty, and its reader may wait for ever.
-    let made =
+    // A file of /proc looks empty, and its reader may wait for ever.
+    let is_virtual =
         meta.len() == 0 && std::fs::canonicalize(path).is_ok_and(|full| full.starts_with("/proc"));
-    if !meta.is_file() || made {
+    if !meta.is_file() || is_virtual {
         let reason = "is a device or a pipe; give a file, or - where standard input may be given";
         return Err(Error::unsupported(path, reason));
     }
@@ -212,9 +213,10 @@ fn is_handed_over(_path: &Path, _meta: &Metadata) -> bool {
     false
 }
 
-// ---- A decoder's panic on a damaged file becomes an error of that file and does not end the
-// program ---- This needs a program whose profile unwinds. In one that aborts on panic, the checks
-// that readers make beforehand remain.
+// ---- A decoder's panic on a damaged file becomes an error of that file --------------------------
+
+// This needs a program whose profile unwinds. In one that aborts on panic, the checks that readers
+// make beforehand remain.
 
 thread_local! {
     static GUARDED: Cell<bool> = const { Cell::new(false) };
@@ -224,17 +226,17 @@ thread_local! {
 ///
 /// # Errors
 ///
-/// Those of `decode`; `Malformed` for a panic.
+/// Errors of `decode`; `Malformed` for a panic.
 pub fn guarded<T>(path: &Path, decode: impl FnOnce() -> Result<T>) -> Result<T> {
     let before = GUARDED.replace(true);
     // Nothing that `decode` changes is used after a panic: it is dropped with its closure.
     let decoded = catch_unwind(AssertUnwindSafe(decode));
     GUARDED.set(before);
-    decoded.unwrap_or_else(|payload| Err(failed(path, text(&*payload))))
+    decoded.unwrap_or_else(|payload| Err(decoder_panic(path, panic_message(&*payload))))
 }
 
 /// The error for a file whose decoder panicked with this message.
-pub fn failed(path: &Path, message: &str) -> Error {
+pub fn decoder_panic(path: &Path, message: &str) -> Error {
     let reason =
         format!("is damaged in a way that its decoder fails on ({message}); copy it again");
     Error::malformed(path, "content", reason)
@@ -247,7 +249,7 @@ pub fn is_guarded() -> bool {
 }
 
 /// The message of a panic.
-pub fn text(payload: &(dyn Any + Send)) -> &str {
+pub fn panic_message(payload: &(dyn Any + Send)) -> &str {
     let owned = || payload.downcast_ref::<String>().map(String::as_str);
     payload.downcast_ref::<&str>().copied().or_else(owned).unwrap_or("panic without a message")
 }

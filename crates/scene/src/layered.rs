@@ -69,7 +69,7 @@ impl<T> Layered<T> {
             .map_or(Origin::Preset, |(origin, _)| *origin)
     }
 
-    /// Whether any layer above the preset has the option `key`.
+    /// True when a layer above the preset has the option `key`.
     pub fn is_given(&self, key: &str) -> bool {
         self.origin(key) > Origin::Preset
     }
@@ -98,7 +98,7 @@ impl<T: Serialize> Layered<T> {
 }
 
 impl<T: Serialize + DeserializeOwned> Layers<T> {
-    /// With the config file at `path`; `limits` bounds its size. Its key `$schema` is ignored.
+    /// Adds the config file at `path`; `limits` bounds its size. Its key `$schema` is ignored.
     ///
     /// # Errors
     ///
@@ -117,18 +117,18 @@ impl<T: Serialize + DeserializeOwned> Layers<T> {
         Ok(Self { file, ..self })
     }
 
-    /// With settings, `KEY=VALUE` each, groups joined by dots; the group may be omitted if no other
+    /// Adds settings, `KEY=VALUE` each, groups joined by dots; the group may be omitted if no other
     /// group has the key.
     pub fn settings(self, sets: &[String]) -> Self {
         Self { sets: sets.to_vec(), ..self }
     }
 
-    /// With the options in `given`, a JSON object with some keys of `T`.
+    /// Adds the options in `given`, a JSON object with some keys of `T`.
     pub fn given(self, given: Value) -> Self {
         Self { given, ..self }
     }
 
-    /// With options by the names of their fields, which are unique over all groups, or of groups;
+    /// Adds options by the names of their fields, which are unique over all groups, or of groups;
     /// they count as given.
     pub fn named(self, named: Map<String, Value>) -> Self {
         Self { named, ..self }
@@ -151,20 +151,21 @@ impl<T: Serialize + DeserializeOwned> Layers<T> {
             let nested = in_group(&known, name, value)?;
             let mut tried = known.clone();
             overlay(&mut tried, &nested);
-            serde_json::from_value::<T>(tried).map_err(|e| refused(name, value, &e))?;
+            serde_json::from_value::<T>(tried).map_err(|e| refused_value(name, value, &e))?;
             overlay(&mut given, &nested);
         }
         let layers =
             [(Origin::Given, given), (Origin::Setting, settings), (Origin::File, self.file)];
         let preset = layers.iter().find_map(|(_, layer)| layer.get(PRESET_KEY));
         let preset = match preset {
-            Some(name) => {
-                serde_json::from_value(name.clone()).map_err(|e| refused(PRESET_KEY, name, &e))?
-            }
+            Some(name) => serde_json::from_value(name.clone())
+                .map_err(|e| refused_value(PRESET_KEY, name, &e))?,
             None => P::default(),
         };
         let mut value = json(&options_of(preset))?;
-        layers.iter().rev().for_each(|(_, layer)| overlay(&mut value, layer));
+        for (_, layer) in layers.iter().rev() {
+            overlay(&mut value, layer);
+        }
         let options = serde_json::from_value(value).map_err(unrepresentable)?;
         Ok(Layered { options, layers })
     }
@@ -183,7 +184,7 @@ fn settings<T: DeserializeOwned>(known: &Value, sets: &[String]) -> Result<Value
         let nested = key.rsplit('.').fold(new, |inner, part| serde_json::json!({ part: inner }));
         let mut tried = known.clone();
         overlay(&mut tried, &nested);
-        serde_json::from_value::<T>(tried).map_err(|e| refused("sets", set, &e))?;
+        serde_json::from_value::<T>(tried).map_err(|e| refused_value("sets", set, &e))?;
         overlay(&mut value, &nested);
     }
     Ok(value)
@@ -198,7 +199,10 @@ fn full_key(known: &Value, key: &str) -> Result<String> {
     if let Some(groups) = known.as_object().filter(|_| !key.contains('.')) {
         let own = groups.get(key).is_some_and(|value| !value.is_object());
         let mut of_groups = groups.iter().filter(|(_, group)| group.get(key).is_some());
-        if let (false, Some((group, _)), None) = (own, of_groups.next(), of_groups.next()) {
+        if !own
+            && let Some((group, _)) = of_groups.next()
+            && of_groups.next().is_none()
+        {
             return Ok(format!("{group}.{key}"));
         }
     }
@@ -229,7 +233,7 @@ fn in_group(known: &Value, name: &str, value: &Value) -> Result<Value> {
 }
 
 /// The error of a value that serde refuses.
-fn refused(option: &str, value: impl ToString, error: &serde_json::Error) -> Error {
+fn refused_value(option: &str, value: impl ToString, error: &serde_json::Error) -> Error {
     Error::invalid(option, value, expected(&error.to_string()))
 }
 
@@ -283,14 +287,14 @@ fn difference(base: &Value, top: &Value) -> Option<Value> {
 /// `text` of a JSON object with spaces in place of its key `$schema`: types of options refuse
 /// unknown keys, and errors must keep their place in the text.
 fn without_schema(text: &str) -> String {
-    // That of a group is refused like any other key.
+    // In a group the key is refused like any unknown one.
     let is_own = |key: &usize| {
         let [opened, closed] = ['{', '}'].map(|brace| text[..*key].matches(brace).count());
         opened == closed + 1 && text[key + SCHEMA_KEY.len()..].trim_start().starts_with(':')
     };
     let is_json = serde_json::from_str::<IgnoredAny>(text).is_ok();
-    let found = text.find(SCHEMA_KEY).filter(|key| is_json && is_own(key));
-    let Some((key, value)) = found.and_then(|key| Some((key, key + text[key..].find(':')? + 1)))
+    let position = text.find(SCHEMA_KEY).filter(|key| is_json && is_own(key));
+    let Some((key, value)) = position.and_then(|key| Some((key, key + text[key..].find(':')? + 1)))
     else {
         return text.to_owned();
     };
@@ -300,10 +304,10 @@ fn without_schema(text: &str) -> String {
     }
     let end = value + values.byte_offset();
     let comma = text[end..].find(|c: char| !c.is_whitespace()).map(|at| end + at);
-    let (start, end) = match comma.filter(|at| text[*at..].starts_with(',')) {
-        Some(comma) => (key, comma + 1),
-        None => (text[..key].rfind(',').unwrap_or(key), end),
-    };
+    // The comma after the value goes with it, or the one before a last value.
+    let comma = comma.filter(|at| text[*at..].starts_with(','));
+    let start = if comma.is_some() { key } else { text[..key].rfind(',').unwrap_or(key) };
+    let end = comma.map_or(end, |comma| comma + 1);
     let blank: String =
         text[start..end].bytes().map(|byte| if byte == b'\n' { '\n' } else { ' ' }).collect();
     [&text[..start], &blank, &text[end..]].concat()

@@ -45,4 +45,4 @@ pub use rng::Rng;
 pub use scene::{ImportedScene, Scene};
 pub use soup::{SH_C0, Soup, rgb_from_sh0, sh0_from_rgb};
 pub use splats::{ScreenFilter, Splats};
-pub use texture::{FaceTexture, StoredPicture, Texture, packed};
+pub use texture::{FaceTexture, StoredPicture, Texture, pack_rectangles};

@@ -80,11 +80,11 @@ impl Limits {
             .split_once('=')
             .ok_or_else(|| wrong("KEY=VALUE, as in triangles=100000000".to_owned()))?;
         let mut all = serde_json::to_value(*self).unwrap_or_default();
-        let known = |all: &serde_json::Value| {
+        let expected_keys = |all: &serde_json::Value| {
             let names = all.as_object().into_iter().flat_map(|map| map.keys().map(String::as_str));
             format!("one of {}", names.collect::<Vec<_>>().join(", "))
         };
-        let Some(slot) = all.get_mut(key) else { return Err(wrong(known(&all))) };
+        let Some(slot) = all.get_mut(key) else { return Err(wrong(expected_keys(&all))) };
         let value: u64 =
             value.parse().map_err(|_| wrong("a whole number, 0 or more".to_owned()))?;
         *slot = value.into();
@@ -192,8 +192,8 @@ fn check(
 
 // ---- The time limit of a run, and its clock -----------------------------------------------------
 
-/// The longest budget, seconds: thirty years.
-const LONGEST: f64 = 1e9;
+/// Maximum budget, seconds: thirty years.
+const MAX_SECONDS: f64 = 1e9;
 
 /// A number of seconds, written as `90`, `90s`, `1.5m` or `2h`.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Serialize, Deserialize, JsonSchema)]
@@ -207,15 +207,13 @@ impl FromStr for Seconds {
         let unit = [('s', 1.0), ('m', 60.0), ('h', 3600.0)]
             .into_iter()
             .find(|(unit, _)| text.ends_with(*unit));
-        let (number, factor) = match unit {
-            Some((_, factor)) => (&text[..text.len() - 1], factor),
-            None => (text, 1.0),
-        };
+        let factor = unit.map_or(1.0, |(_, factor)| factor);
+        let number = if unit.is_some() { &text[..text.len() - 1] } else { text };
         let seconds = number.parse::<f64>().ok().map(|number| number * factor);
         // NaN is in no range.
-        seconds.filter(|seconds| *seconds > 0.0 && *seconds <= LONGEST).map(Self).ok_or_else(|| {
-            "expected a time above 0, at most 1e9 seconds, as in 30s, 2m or 1.5h".to_owned()
-        })
+        seconds.filter(|seconds| *seconds > 0.0 && *seconds <= MAX_SECONDS).map(Self).ok_or_else(
+            || "expected a time above 0, at most 1e9 seconds, as in 30s, 2m or 1.5h".to_owned(),
+        )
     }
 }
 
@@ -245,9 +243,9 @@ pub enum BudgetClock {
 /// The time limit of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Budget {
-    /// How long.
+    /// Duration.
     pub seconds: Seconds,
-    /// By which clock.
+    /// Clock that measures it.
     pub clock: BudgetClock,
 }
 
@@ -284,26 +282,26 @@ impl fmt::Display for Budget {
 #[derive(Debug, Clone, Copy)]
 pub struct Spending {
     clock: BudgetClock,
-    /// When it began.
+    /// Start of the clock.
     began: Instant,
-    /// CPU seconds of the process when it began.
+    /// CPU seconds of the process at the start of the clock.
     cpu_began: f64,
     /// Seconds spent by earlier processes of the same run.
     before: f64,
 }
 
 impl Spending {
-    /// That begins now.
+    /// Starts the clock now.
     pub fn new(clock: BudgetClock) -> Self {
         Self { clock, began: Instant::now(), cpu_began: cpu_secs(), before: 0.0 }
     }
 
-    /// For the whole process, which began at about `began`.
+    /// Clock of the whole process, which began at about `began`.
     pub fn of_process(clock: BudgetClock, began: Instant) -> Self {
         Self { clock, began, cpu_began: 0.0, before: 0.0 }
     }
 
-    /// The same, after `before` seconds of earlier processes.
+    /// Adds the seconds that earlier processes of the same run have spent.
     pub fn after(self, before: f64) -> Self {
         Self { before, ..self }
     }

@@ -17,12 +17,12 @@ pub enum Colors {
     Vertex(Vec<[f32; 3]>),
 }
 
-/// What an engine needs to know to draw a face, beside its colours.
+/// Drawing state of a face beside its colours: faces with the same one share a draw call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct FaceMaterial {
     /// The page of the texture; 0 without one.
     pub page: usize,
-    /// Whether it is drawn from its front only.
+    /// True for a face that is drawn from its front only.
     pub single_sided: bool,
 }
 
@@ -172,7 +172,7 @@ impl Mesh {
     /// Colours of the vertices of a mesh without indices, made from those of its faces if
     /// necessary.
     pub fn vertex_colors(&mut self) -> &mut [[f32; 3]] {
-        self.spread();
+        self.make_vertex_colors();
         match &mut self.colors {
             Colors::Face(colors) | Colors::Vertex(colors) => colors,
         }
@@ -212,10 +212,10 @@ impl Mesh {
             }
             Colors::Vertex(_) => {}
         }
-        self.opacity = gather_any(&self.opacity, faces);
-        self.normals = gather_any(&self.normals, faces);
-        self.shell = gather_any(&self.shell, faces);
-        self.single_sided = gather_any(&self.single_sided, faces);
+        self.opacity = gather_if_present(&self.opacity, faces);
+        self.normals = gather_if_present(&self.normals, faces);
+        self.shell = gather_if_present(&self.shell, faces);
+        self.single_sided = gather_if_present(&self.single_sided, faces);
         if let Some(texture) = &mut self.texture {
             *texture = texture.of_faces(faces);
         }
@@ -245,10 +245,10 @@ impl Mesh {
     /// Some of the faces as a mesh of their own, with the vertices that they use. `faces` ascend.
     /// `[F']`
     pub fn part(&self, faces: &[u32]) -> Mesh {
-        let opacity = gather_any(&self.opacity, faces);
-        let normals = gather_any(&self.normals, faces);
-        let shell = gather_any(&self.shell, faces);
-        let single_sided = gather_any(&self.single_sided, faces);
+        let opacity = gather_if_present(&self.opacity, faces);
+        let normals = gather_if_present(&self.normals, faces);
+        let shell = gather_if_present(&self.shell, faces);
+        let single_sided = gather_if_present(&self.single_sided, faces);
         let mut vertices: Vec<u32> =
             faces.iter().flat_map(|face| self.face(*face as usize)).collect();
         let mut indices = Vec::new();
@@ -256,8 +256,8 @@ impl Mesh {
             let corners = vertices.clone();
             vertices.par_sort_unstable();
             vertices.dedup();
-            let renamed = |v: u32| vertices.partition_point(|other| *other < v) as u32;
-            indices = parallel::collect(corners.len(), GRAIN, |at| renamed(corners[at]));
+            let new_index = |v: u32| vertices.partition_point(|other| *other < v) as u32;
+            indices = parallel::collect(corners.len(), GRAIN, |at| new_index(corners[at]));
         }
         let colors = match &self.colors {
             Colors::Face(colors) => Colors::Face(gather(colors, faces)),
@@ -271,7 +271,9 @@ impl Mesh {
     /// Keeps `faces`, given in any order, in the mesh's order, and drops unused vertices.
     pub fn keep(&mut self, faces: &[u32]) {
         let mut kept = vec![false; self.face_count()];
-        faces.iter().for_each(|&f| kept[f as usize] = true);
+        for face in faces {
+            kept[*face as usize] = true;
+        }
         self.retain(|f| kept[f]);
     }
 
@@ -285,11 +287,17 @@ impl Mesh {
             return;
         }
         let mut used = vec![false; self.vertex_count()];
-        self.indices.iter().for_each(|&v| used[v as usize] = true);
+        for v in &self.indices {
+            used[*v as usize] = true;
+        }
         let kept: Vec<u32> = (0..used.len()).filter(|&v| used[v]).map(|v| v as u32).collect();
-        let mut renamed = vec![0; used.len()];
-        kept.iter().zip(0..).for_each(|(&old, new)| renamed[old as usize] = new);
-        self.indices.iter_mut().for_each(|v| *v = renamed[*v as usize]);
+        let mut new_index = vec![0; used.len()];
+        for (new, old) in (0..).zip(&kept) {
+            new_index[*old as usize] = new;
+        }
+        for v in &mut self.indices {
+            *v = new_index[*v as usize];
+        }
         self.positions = gather(&self.positions, &kept);
         if let Colors::Vertex(colors) = &mut self.colors {
             *colors = gather(colors, &kept);
@@ -330,9 +338,10 @@ impl Mesh {
         match (&mut self.texture, &other.texture) {
             (Some(a), Some(b)) => a.append(b),
             // Without faces there is nothing that a texture lacks.
-            (None, Some(_)) if self.positions.is_empty() => {
-                self.texture = other.texture.as_ref().map(|texture| texture.of_faces(&[]));
-                self.texture.iter_mut().zip(&other.texture).for_each(|(a, b)| a.append(b));
+            (None, Some(texture)) if self.positions.is_empty() => {
+                let mut own = texture.of_faces(&[]);
+                own.append(texture);
+                self.texture = Some(own);
             }
             (Some(_), None) if other.positions.is_empty() => {}
             _ => {
@@ -341,12 +350,12 @@ impl Mesh {
             }
         }
         if matches!(self.colors, Colors::Vertex(_)) || matches!(other.colors, Colors::Vertex(_)) {
-            self.spread();
-            other.spread();
+            self.make_vertex_colors();
+            other.make_vertex_colors();
         }
         if self.indices.is_empty() != other.indices.is_empty() {
-            self.number();
-            other.number();
+            self.make_indices();
+            other.make_indices();
         }
         if self.vertex_count() + other.vertex_count() > u32::MAX as usize {
             let wants = "fewer or smaller files";
@@ -380,7 +389,9 @@ impl Mesh {
             vec![Vec3::ZERO; if self.normals.is_empty() { 0 } else { self.vertex_count() }];
         for (face, normal) in self.normals.iter().enumerate() {
             let area = self.area(face).max(f64::from(f32::MIN_POSITIVE)) as f32;
-            self.face(face).iter().for_each(|v| sums[*v as usize] += *normal * area);
+            for v in self.face(face) {
+                sums[v as usize] += *normal * area;
+            }
         }
         sums.iter().map(|sum| sum.normalize_or(Vec3::Y)).collect()
     }
@@ -415,16 +426,16 @@ impl Mesh {
     }
 
     /// Writes out the indices 0, 1, 2, … of a mesh that has none.
-    fn number(&mut self) {
+    fn make_indices(&mut self) {
         if self.indices.is_empty() {
             self.indices = (0..self.vertex_count() as u32).collect();
         }
     }
 
     /// Turns colours per face into colours per vertex by giving every corner its own vertex.
-    fn spread(&mut self) {
+    fn make_vertex_colors(&mut self) {
         if let Colors::Face(colors) = &self.colors {
-            let spread =
+            let of_corners =
                 parallel::collect(colors.len(), GRAIN, |face| [colors[face]; 3]).into_flattened();
             if !self.indices.is_empty() {
                 let corners =
@@ -432,7 +443,7 @@ impl Mesh {
                 self.positions = corners.into_flattened();
                 self.indices.clear();
             }
-            self.colors = Colors::Vertex(spread);
+            self.colors = Colors::Vertex(of_corners);
         }
     }
 
@@ -539,7 +550,7 @@ fn gather<T: Copy + Send + Sync>(values: &[T], order: &[u32]) -> Vec<T> {
 }
 
 /// [`gather`] for a list that may be empty instead of having a value for each face.
-fn gather_any<T: Copy + Send + Sync>(values: &[T], faces: &[u32]) -> Vec<T> {
+fn gather_if_present<T: Copy + Send + Sync>(values: &[T], faces: &[u32]) -> Vec<T> {
     if values.is_empty() { Vec::new() } else { gather(values, faces) }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! All run through [`run`], whose closure is a `dyn Fn`: rayon's adaptors compile the splitting of
 //! the work anew for every loop. So a call must be worth a task: a row, a tile, a chunk. Loops over
-//! small elements take a `grain`, the least number of them in a task. Results come in the order of
+//! small elements take a `grain`, the minimum number of them in a task. Results come in the order of
 //! the input and do not depend on the number of threads.
 #![allow(unsafe_code)]
 
@@ -94,7 +94,9 @@ pub fn filter_map<T: Send>(
 ) -> Vec<T> {
     let parts = ranges(count, grain, |range| range.filter_map(&value).collect::<Vec<T>>());
     let mut out = Vec::with_capacity(parts.iter().map(Vec::len).sum());
-    parts.into_iter().for_each(|part| out.extend(part));
+    for part in parts {
+        out.extend(part);
+    }
     out
 }
 
@@ -104,14 +106,14 @@ pub fn find_first<T: Send>(
     grain: usize,
     value: impl Fn(usize) -> Option<T> + Sync,
 ) -> Option<T> {
-    let least = AtomicUsize::new(usize::MAX);
+    let first_range = AtomicUsize::new(usize::MAX);
     let found = ranges(count, grain, |range| {
-        if least.load(Ordering::Relaxed) < range.start {
+        if first_range.load(Ordering::Relaxed) < range.start {
             return None;
         }
         let found = range.clone().find_map(&value);
         if found.is_some() {
-            least.fetch_min(range.start, Ordering::Relaxed);
+            first_range.fetch_min(range.start, Ordering::Relaxed);
         }
         found
     });
@@ -134,7 +136,9 @@ pub fn ranges<T: Send>(
 pub fn for_each_mut<T: Send>(values: &mut [T], grain: usize, work: impl Fn(usize, &mut T) + Sync) {
     let len = task_len(values.len(), grain);
     for_each(values.chunks_mut(len), |task, values| {
-        values.iter_mut().zip(task * len..).for_each(|(value, i)| work(i, value));
+        for (i, value) in (task * len..).zip(values) {
+            work(i, value);
+        }
     });
 }
 

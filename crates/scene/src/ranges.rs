@@ -7,18 +7,18 @@ use schemars::generate::SchemaSettings;
 use serde::Serialize;
 use serde_json::Value;
 
-/// Practically unbounded.
-const LARGEST: f64 = 1e9;
-/// Above 0, however little.
+/// Maximum of counts that are practically unbounded.
+const MAX_COUNT: f64 = 1e9;
+/// Lower bound of a range that excludes 0.
 pub const ABOVE_ZERO: f64 = f64::MIN_POSITIVE;
 
 /// The name of a number in errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Called {
+pub enum OptionNaming {
     /// By its flag, the last part of its key: `max_sigma`.
-    ByFlag,
+    Flag,
     /// By its whole key: `loss.opacity`.
-    ByKey,
+    Key,
 }
 
 /// Checks every number of `options` against the range at its field. Dependencies between options
@@ -27,8 +27,8 @@ pub enum Called {
 /// # Errors
 ///
 /// The first number out of its range.
-pub fn check<T: Serialize + JsonSchema>(options: &T, called: Called) -> Result<()> {
-    each(options, &mut |key, number, range| within(key, number, range, called))
+pub fn check<T: Serialize + JsonSchema>(options: &T, naming: OptionNaming) -> Result<()> {
+    each(options, &mut |key, number, range| check_range(key, number, range, naming))
 }
 
 /// Checks an optional number, because JSON cannot tell a missing number from one that is not
@@ -44,11 +44,11 @@ pub fn check_finite(name: &str, value: Option<f64>) -> Result<()> {
 pub fn count(text: &str) -> std::result::Result<usize, String> {
     let number: Option<usize> = text.parse().ok();
     number
-        .filter(|count| (1..=LARGEST as usize).contains(count))
+        .filter(|count| (1..=MAX_COUNT as usize).contains(count))
         .ok_or_else(|| "expected 1 to 1e9".to_owned())
 }
 
-/// Is given the key, the value and the range of a number.
+/// Receives the key, the value and the range of a number.
 pub type Visit<'a> = &'a mut dyn FnMut(&str, f64, (f64, f64)) -> Result<()>;
 
 /// Calls `visit` with the key, as in `loss.opacity`, the value and the range of each number of
@@ -93,29 +93,30 @@ fn may_be_null(schema: &Value) -> bool {
         .any(is_null)
 }
 
-fn within(key: &str, value: f64, (low, high): (f64, f64), called: Called) -> Result<()> {
-    let option = match called {
-        Called::ByKey => key,
-        Called::ByFlag => key.rsplit('.').next().unwrap_or(key),
+fn check_range(key: &str, value: f64, (low, high): (f64, f64), naming: OptionNaming) -> Result<()> {
+    let option = match naming {
+        OptionNaming::Key => key,
+        OptionNaming::Flag => key.rsplit('.').next().unwrap_or(key),
     };
     if (low..=high).contains(&value) {
         Ok(())
     } else {
-        Err(Error::invalid(option, value, words(low, high)))
+        Err(Error::invalid(option, value, range_text(low, high)))
     }
 }
 
-fn words(low: f64, high: f64) -> String {
+fn range_text(low: f64, high: f64) -> String {
     // 1e9 is easier to read than 1000000000.
     let short = |x: f64| {
         if x >= 1e6 && x.log10().fract() == 0.0 { format!("{x:e}") } else { x.to_string() }
     };
     match low {
         ABOVE_ZERO => format!("> 0, at most {}", short(high)),
-        _ if high >= LARGEST => format!("{} or more, at most {}", short(low), short(high)),
+        _ if high >= MAX_COUNT => format!("{} or more, at most {}", short(low), short(high)),
         _ => format!("{} to {}", short(low), short(high)),
     }
 }
+
 /// Values that configs and reports hold as the text of their `FromStr` and `Display`.
 #[macro_export]
 macro_rules! as_text {

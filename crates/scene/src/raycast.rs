@@ -12,7 +12,7 @@ use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use obvhs::ray::{Ray, RayHit};
 use std::sync::OnceLock;
 
-/// Where a ray first meets an asset.
+/// First intersection of a ray with an asset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
     /// The face.
@@ -61,20 +61,22 @@ impl RayTree {
         let mut test = |face: u32| {
             // Along the direction as it was given: products of f32 are exact in f64, so rounding
             // gives no face without area a hit.
-            let found =
+            let distance =
                 intersect(origin, direction, mesh.corners(face as usize)).map(|t| t * length);
-            if let Some(distance) = found
+            if let Some(distance) = distance
                 && nearest.is_none_or(|hit| {
                     distance < hit.distance || distance == hit.distance && face < hit.face
                 })
             {
                 nearest = Some(Hit { face, distance });
             }
-            found
+            distance
         };
         let tree = self.0.get_or_init(|| FaceTree::new(mesh, faces));
         if tree.faces != faces || !tree.search(origin, direction / length, &mut test) {
-            (0..faces as u32).for_each(|face| _ = test(face));
+            for face in 0..faces as u32 {
+                test(face);
+            }
         }
         nearest
     }
@@ -106,10 +108,10 @@ struct FaceTree {
     scale: f64,
 }
 
-/// Boxes grow by this, above the rounding of f32 in the unit cube, so that no ray misses one.
-const MARGIN: f32 = 4e-6;
-/// Unit cubes from the scene at which f64 still resolves [`MARGIN`].
-const FARTHEST: f64 = 1e6;
+/// Margin of the boxes in the unit cube, above the rounding of f32, so that no ray misses one.
+const BOX_MARGIN: f32 = 4e-6;
+/// Maximum distance of a ray's origin at which f64 still resolves [`BOX_MARGIN`], in unit cubes.
+const MAX_DISTANCE: f64 = 1e6;
 
 impl FaceTree {
     fn new(mesh: &Mesh, faces: usize) -> Self {
@@ -129,7 +131,9 @@ impl FaceTree {
             SortPrecision::U64,
             0,
         );
-        bvh.primitive_indices.iter_mut().for_each(|i| *i = indices[*i as usize]);
+        for i in &mut bvh.primitive_indices {
+            *i = indices[*i as usize];
+        }
         Self { bvh, faces, origin, scale }
     }
 
@@ -155,7 +159,7 @@ impl FaceTree {
                 return true;
             }
         }
-        if near > FARTHEST || start.abs().max_element() > FARTHEST {
+        if near > MAX_DISTANCE || start.abs().max_element() > MAX_DISTANCE {
             return false;
         }
         if near > far {
@@ -165,13 +169,14 @@ impl FaceTree {
         self.bvh.ray_traverse(ray, &mut RayHit::none(), |_, primitive| {
             let distance = test(self.bvh.primitive_indices[primitive]);
             // Behind the hit by more than rounding, so that ties are visited.
-            distance.map_or(f32::INFINITY, |t| ((t * self.scale - near) as f32).max(0.0) + MARGIN)
+            distance
+                .map_or(f32::INFINITY, |t| ((t * self.scale - near) as f32).max(0.0) + BOX_MARGIN)
         });
         true
     }
 }
 
-/// The boxes in a cube of side 1, each enlarged by [`MARGIN`] and a small amount that differs from
+/// The boxes in a cube of side 1, each enlarged by [`BOX_MARGIN`] and a small amount that differs from
 /// box to box; the origin and scale of the cube.
 ///
 /// In the cube no area over- or underflows at any scale of the scene. The enlargement, a thousandth
@@ -189,7 +194,7 @@ fn to_unit_cube(boxes: &[Aabb]) -> (Vec<Aabb>, DVec3, f64) {
         let max = place(b.max);
         let bits = rng.bits(i as u64);
         let most = 1e-3 * (max - min).max_element() + 1e-6;
-        let by = |shift: u32| MARGIN + most * (1.0 / 1024.0) * ((bits >> shift) & 0x3ff) as f32;
+        let by = |shift: u32| BOX_MARGIN + most * (1.0 / 1024.0) * ((bits >> shift) & 0x3ff) as f32;
         Aabb::new(min - Vec3A::new(by(0), by(10), by(20)), max + Vec3A::new(by(30), by(40), by(50)))
     };
     (boxes.iter().enumerate().map(grown).collect(), origin, scale)

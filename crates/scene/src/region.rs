@@ -11,7 +11,7 @@ use std::str::FromStr;
 pub enum Region {
     /// Between two corners, the lower one first.
     Box([f64; 3], [f64; 3]),
-    /// Around a point, so far.
+    /// Centre and radius.
     Sphere([f64; 3], f64),
     /// In the pictures of at least this many cameras, hidden or not.
     Seen(u32),
@@ -59,8 +59,8 @@ impl fmt::Display for Region {
 crate::as_text!(Region);
 
 impl Region {
-    /// Whether a point is in it; `cameras` look at the scene. A subject needs the whole scene to be
-    /// found: every point may be in it.
+    /// True when a point is in the region; `cameras` look at the scene. A subject is determined from
+    /// the whole scene: every point may be in it.
     pub fn holds(&self, point: DVec3, cameras: &[Camera]) -> bool {
         match *self {
             Self::Box(low, high) => {
@@ -68,9 +68,9 @@ impl Region {
             }
             Self::Sphere(center, radius) => point.distance(DVec3::from(center)) <= radius,
             Self::Seen(count) => {
-                let seen =
+                let observers =
                     cameras.iter().filter(|camera| camera.project(point.as_vec3()).is_some());
-                seen.take(count as usize).count() == count as usize
+                observers.take(count as usize).count() == count as usize
             }
             Self::Subject => true,
         }

@@ -63,15 +63,13 @@ pub struct StageReport {
 }
 
 impl StageReport {
-    /// Of a stage with nothing to do, for this reason.
+    /// The report of a stage with nothing to do, for this reason.
     pub fn skipped(name: &str, why: String) -> Self {
-        let before = Counts::default();
-        let after = Counts::default();
         Self {
             name: name.to_owned(),
             seconds: 0.0,
-            before,
-            after,
+            before: Counts::default(),
+            after: Counts::default(),
             skipped: Some(why),
             details: Map::new(),
         }
@@ -84,7 +82,7 @@ impl StageReport {
     }
 }
 
-/// What happens in the stages of a run.
+/// Event of a stage of a run.
 #[derive(Debug)]
 pub enum StageEvent<'a> {
     /// A stage starts.
@@ -100,33 +98,35 @@ pub enum StageEvent<'a> {
     Finished(&'a StageReport),
 }
 
-/// Is told what happens. `ControlFlow::Break` at the start or the end of a stage stops the run;
-/// that of a capture, always.
+/// Receives the events of stages. `ControlFlow::Break` at the start or the end of a stage stops the
+/// run; in a capture, at any event.
 pub type StageObserver<'a> = &'a mut dyn FnMut(StageEvent<'_>) -> ControlFlow<()>;
 
 /// Reports the progress of a stage to an observer.
 pub struct StageProgress<'a> {
     observer: StageObserver<'a>,
-    /// Beginning and length of this part within the stage.
-    part: (f64, f64),
+    /// Start of this part within the stage, a fraction from 0 to 1.
+    start: f64,
+    /// Length of this part, a fraction of the stage.
+    length: f64,
 }
 
 impl<'a> StageProgress<'a> {
-    /// Of the whole stage.
+    /// Progress of a whole stage.
     pub fn new(observer: StageObserver<'a>) -> Self {
-        Self { observer, part: (0.0, 1.0) }
+        Self { observer, start: 0.0, length: 1.0 }
     }
 
     /// The progress of a part, from one fraction of this one to another.
     pub fn part(&mut self, from: f64, to: f64) -> StageProgress<'_> {
-        let (start, length) = self.part;
         StageProgress {
             observer: &mut *self.observer,
-            part: (start + length * from, length * (to - from)),
+            start: self.start + self.length * from,
+            length: self.length * (to - from),
         }
     }
 
-    /// `done` of `all` is done.
+    /// Reports `done` of `all` steps.
     pub fn set(&mut self, done: usize, all: usize) {
         self.progressed(done as f64 / all.max(1) as f64);
     }
@@ -141,11 +141,11 @@ impl<'a> StageProgress<'a> {
         }
     }
 
-    /// This fraction is done.
+    /// Reports a fraction of this part, from 0 to 1.
     pub fn progressed(&mut self, fraction: f64) {
-        let (start, length) = self.part;
+        let of_stage = self.start + self.length * fraction.clamp(0.0, 1.0);
         // No stage is left half done.
-        let _ = (self.observer)(StageEvent::Progressed(start + length * fraction.clamp(0.0, 1.0)));
+        let _ = (self.observer)(StageEvent::Progressed(of_stage));
     }
 }
 

@@ -72,7 +72,7 @@ impl Soup {
     pub fn take_shell(&mut self) -> Soup {
         let flags = std::mem::take(&mut self.shell);
         let of_shell: Vec<usize> = (0..flags.len()).filter(|i| flags[*i]).collect();
-        let mut shell = self.picked(&of_shell);
+        let mut shell = self.subset(&of_shell);
         shell.set_shell(0..shell.len());
         if !of_shell.is_empty() {
             self.retain(|i| !flags[i]);
@@ -87,7 +87,7 @@ impl Soup {
         if self.shell.iter().take(count).any(|shell| !shell) {
             let mut order: Vec<usize> = (0..self.len()).collect();
             order.sort_by_key(|i| !self.shell[*i]);
-            *self = self.picked(&order);
+            *self = self.subset(&order);
         }
         count
     }
@@ -127,14 +127,15 @@ impl Soup {
     }
 
     /// The triangles of these indices, in this order.
-    pub fn picked(&self, order: &[usize]) -> Soup {
+    pub fn subset(&self, order: &[usize]) -> Soup {
         let k = self.sh_count();
         let mut sh = vec![[0.0; 3]; k * order.len()];
         parallel::for_each(
             sh.chunks_mut(k * GRAIN).zip(order.chunks(GRAIN)),
             |_, (rows, order)| {
-                let rows = rows.chunks_exact_mut(k).zip(order);
-                rows.for_each(|(row, &i)| row.copy_from_slice(&self.sh[k * i..k * (i + 1)]));
+                for (row, &i) in rows.chunks_exact_mut(k).zip(order) {
+                    row.copy_from_slice(&self.sh[k * i..k * (i + 1)]);
+                }
             },
         );
         let n = order.len();
@@ -304,7 +305,7 @@ mod tests {
             (0..soup.len()).filter(|i| soup.is_shell(*i)).map(|i| soup.opacity[i]).collect()
         };
         assert_eq!(shell_of(&all), [0.1, 0.3]);
-        assert_eq!(shell_of(&all.picked(&[3, 2, 1])), [0.3, 0.1]);
+        assert_eq!(shell_of(&all.subset(&[3, 2, 1])), [0.3, 0.1]);
         let mut kept = all.clone();
         kept.retain(|i| i != 1);
         assert_eq!((kept.len(), shell_of(&kept)), (3, vec![0.3]));

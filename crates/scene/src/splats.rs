@@ -25,7 +25,7 @@ pub struct Splats {
     pub sh: Vec<[f32; 3]>,
     /// Degree 0..=3; K = (degree + 1)^2 coefficients per Gaussian.
     pub sh_degree: u8,
-    /// How they are blurred on the screen.
+    /// Blur on the screen.
     pub filter: ScreenFilter,
 }
 
@@ -34,7 +34,7 @@ pub struct Splats {
 pub struct ScreenFilter {
     /// Added to the variances on the screen, px².
     pub variance: f32,
-    /// Whether a Gaussian that the blur widens becomes fainter, so that its light stays the same.
+    /// True when a Gaussian that the blur widens becomes fainter, so that its light stays the same.
     pub keeps_light: bool,
 }
 

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 mod excerpt;
 
-pub use excerpt::packed;
+pub use excerpt::pack_rectangles;
 
 // ---- Where the faces of a mesh are on its pictures ----------------------------------------------
 
@@ -23,7 +23,7 @@ pub struct FaceTexture {
     /// Places of each face's corners on its page: (0, 0) is the upper left corner, (1, 1) the lower
     /// right one. `[F]`
     pub uvs: Vec<[Vec2; 3]>,
-    /// At least one.
+    /// Pictures; at least one.
     pub pages: Vec<Arc<Texture>>,
     /// Number of each face's page; empty if all are on the first. `[F]`
     pub page_of: Vec<u16>,
@@ -60,7 +60,9 @@ impl FaceTexture {
 
     fn without_unused_pages(mut self) -> Self {
         let mut used = vec![false; self.pages.len()];
-        self.page_of.iter().for_each(|page| used[usize::from(*page)] = true);
+        for page in &self.page_of {
+            used[usize::from(*page)] = true;
+        }
         // One page stays, also of no face.
         used[0] |= !used.contains(&true);
         let mut numbers = Vec::with_capacity(used.len());
@@ -69,7 +71,9 @@ impl FaceTexture {
             numbers.push(next);
             next += u16::from(*used);
         }
-        self.page_of.iter_mut().for_each(|page| *page = numbers[usize::from(*page)]);
+        for page in &mut self.page_of {
+            *page = numbers[usize::from(*page)];
+        }
         let mut used = used.into_iter();
         self.pages.retain(|_| used.next() == Some(true));
         if self.pages.len() == 1 {
@@ -81,8 +85,8 @@ impl FaceTexture {
     /// Appends the faces of another texture, and its pages.
     pub fn append(&mut self, other: &FaceTexture) {
         let number = |page: &Arc<Texture>, pages: &mut Vec<Arc<Texture>>| {
-            let known = pages.iter().position(|known| Arc::ptr_eq(known, page));
-            known.unwrap_or_else(|| {
+            let existing = pages.iter().position(|other| Arc::ptr_eq(other, page));
+            existing.unwrap_or_else(|| {
                 pages.push(page.clone());
                 pages.len() - 1
             }) as u16
@@ -106,14 +110,16 @@ impl FaceTexture {
         }
         let mut at = vec![Vec2::NAN; vertices];
         for (vertex, uv) in indices.iter().zip(self.uvs.as_flattened()) {
-            let known = &mut at[*vertex as usize];
-            if known.is_nan() {
-                *known = *uv;
-            } else if known != uv {
+            let of_vertex = &mut at[*vertex as usize];
+            if of_vertex.is_nan() {
+                *of_vertex = *uv;
+            } else if of_vertex != uv {
                 return None;
             }
         }
-        at.iter_mut().filter(|uv| uv.is_nan()).for_each(|uv| *uv = Vec2::ZERO);
+        for uv in at.iter_mut().filter(|uv| uv.is_nan()) {
+            *uv = Vec2::ZERO;
+        }
         Some(at)
     }
 
@@ -129,10 +135,10 @@ impl FaceTexture {
 
 // ---- Several pages as one picture, for formats that name one ------------------------------------
 
-/// Largest side of a joined picture, texels.
-const LARGEST: u32 = 8192;
-/// Pages begin at multiples of this, so that mip levels up to the fifth do not mix them.
-const WHOLE: u32 = 32;
+/// Maximum side of a joined picture, texels.
+const MAX_JOINED_SIDE: u32 = 8192;
+/// Alignment of the rows where pages begin, texels: mip levels up to the fifth do not mix them.
+const PAGE_ALIGNMENT: u32 = 32;
 
 impl FaceTexture {
     /// The same with one page: all below each other, each with as few texels as they need to fit.
@@ -142,8 +148,10 @@ impl FaceTexture {
         }
         let mut halvings = 0;
         let (size, tops) = loop {
-            let (size, tops) = self.stacked(halvings);
-            if size.max_element() <= LARGEST || size.y <= WHOLE * self.pages.len() as u32 {
+            let (size, tops) = self.stack(halvings);
+            if size.max_element() <= MAX_JOINED_SIDE
+                || size.y <= PAGE_ALIGNMENT * self.pages.len() as u32
+            {
                 break (size, tops);
             }
             halvings += 1;
@@ -176,13 +184,16 @@ impl FaceTexture {
     }
 
     /// Size of a picture of all pages, and the row where each begins.
-    fn stacked(&self, halvings: usize) -> (UVec2, Vec<u32>) {
+    fn stack(&self, halvings: usize) -> (UVec2, Vec<u32>) {
         let mut size = UVec2::ZERO;
         let mut tops = Vec::with_capacity(self.pages.len());
         for page in &self.pages {
             let of_page = page.level(halvings).size;
             tops.push(size.y);
-            size = UVec2::new(size.x.max(of_page.x), size.y + of_page.y.next_multiple_of(WHOLE));
+            size = UVec2::new(
+                size.x.max(of_page.x),
+                size.y + of_page.y.next_multiple_of(PAGE_ALIGNMENT),
+            );
         }
         (size, tops)
     }
@@ -198,14 +209,14 @@ pub struct Texture {
     stored: Option<StoredPicture>,
 }
 
-/// By what is seen, however a file holds it.
+/// Equal pixels, whatever the format in a file.
 impl PartialEq for Texture {
     fn eq(&self, other: &Self) -> bool {
         self.picture() == other.picture()
     }
 }
 
-/// How a file holds a picture.
+/// Format and size of a picture in its file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct StoredPicture {
     /// "JPEG", "PNG", ...
@@ -229,7 +240,7 @@ impl Texture {
     ///
     /// # Errors
     ///
-    /// What cannot be decoded, or not within `limits`.
+    /// A picture that cannot be decoded, or not within `limits`.
     pub fn decoded(place: &Path, bytes: &[u8], limits: &Limits) -> Result<Self> {
         let format =
             image::guess_format(bytes).map_or_else(|_| "?".to_owned(), |f| format!("{f:?}"));
@@ -237,7 +248,7 @@ impl Texture {
         Ok(Self { stored: Some(stored), ..Self::new(RgbImage::from_bytes(place, bytes, limits)?) })
     }
 
-    /// How the file that it was read from holds it; `None` of a new one.
+    /// Format and size in the file that it was read from; `None` for a new picture.
     pub fn stored(&self) -> Option<&StoredPicture> {
         self.stored.as_ref()
     }
@@ -375,9 +386,9 @@ mod joined_tests {
                 assert!((0..3).all(|c| (wants[c] - got[c]).abs() < 1e-3), "{wants:?} {got:?}");
             }
         }
-        // What is too high is made coarser.
+        // A stack that is too high is made coarser.
         both.append(&of(UVec2::new(8, 8192)));
-        assert!(both.joined().pages[0].size().max_element() <= LARGEST);
+        assert!(both.joined().pages[0].size().max_element() <= MAX_JOINED_SIDE);
     }
 }
 

@@ -10,7 +10,7 @@ use crate::simplify::{simplify, smooth};
 use glam::Vec3;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::report::{Outcome, StageProgress};
 use trisplat_scene::{Error, ImportedScene, Limits, Result, parallel};
 use trisplat_teacher::Viewpoints;
@@ -158,7 +158,7 @@ impl CollisionOptions {
 
     /// Checks the range.
     pub fn validate(&self) -> Result<()> {
-        ranges::check(self, Called::ByFlag)
+        ranges::check(self, OptionNaming::Flag)
     }
 }
 

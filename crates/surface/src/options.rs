@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_scene::Result;
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_teacher::ViewpointKind;
 
 /// Cells along the longest side, unless asked for more; ...
@@ -86,7 +86,7 @@ impl SurfaceOptions {
     pub fn validate(&self) -> Result<()> {
         // Surface nets need the distances of all corners of the cells that the surface runs
         // through.
-        ranges::check(self, Called::ByFlag)?;
+        ranges::check(self, OptionNaming::Flag)?;
         ranges::check_finite("voxel", self.voxel)
     }
 }

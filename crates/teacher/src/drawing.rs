@@ -156,7 +156,7 @@ impl Background {
         let chosen = evenly_spaced(cameras.len(), MAX_PICTURES);
         let cameras: Vec<Camera> = chosen.map(|i| cameras[i].fit_within(SIDE)).collect();
         let drawn: Vec<usize> = (0..soup.len()).filter(|i| is_drawn(&soup.vertices[*i])).collect();
-        let part = soup.picked(&drawn);
+        let part = soup.subset(&drawn);
         let rgb = match given {
             Some(rgb) => Some(rgb),
             None => {
@@ -230,7 +230,7 @@ fn objects(soup: &Soup, cameras: &[Camera], rgb: [f32; 3]) -> Vec<bool> {
     // A part of the object in the colour of the background hides what is behind it: without it,
     // pictures change.
     let kept: Vec<usize> = (0..soup.len()).filter(|i| first[*i] >= MIN_OBJECT).collect();
-    let mut without = Teacher::new(soup.picked(&kept), cameras, &options);
+    let mut without = Teacher::new(soup.subset(&kept), cameras, &options);
     for ((camera, picture), shows) in cameras.iter().zip(&pictures).zip(&mut shows) {
         let pixels = without.frame(camera).rgb.iter().zip(picture);
         shows

@@ -148,7 +148,7 @@ impl Along {
                 picked.push(i as usize);
             }
         }
-        let mut thinned = soup.picked(&picked);
+        let mut thinned = soup.subset(&picked);
         // Large ones stay bitwise unchanged.
         let small = thinned.vertices.iter_mut().zip(&picked).filter(|(_, i)| areas[**i] < least);
         for (corners, &i) in small {
@@ -227,7 +227,7 @@ mod tests {
     fn the_order_of_the_file_does_not_matter() {
         let all = soup(5000);
         let shuffled: Vec<usize> = (0..5000).map(|i| i * 1777 % 5000).collect();
-        let other = all.picked(&shuffled);
+        let other = all.subset(&shuffled);
         let a = Along::of(&all);
         let b = Along::of(&other);
         assert_eq!(a.thinned(&all, 700).opacity, b.thinned(&other, 700).opacity);

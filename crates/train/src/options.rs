@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::exposure::ExposureUse;
 use trisplat_raster::soft::{SoftOptions, Sort, Window};
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::{Error, Result};
 
 /// The run all schedule positions are written for (Held et al. 2025, supplement).
@@ -290,7 +290,7 @@ impl TrainOptions {
 
     /// Checks the range of every number.
     pub fn validate(&self) -> Result<()> {
-        ranges::check(self, Called::ByKey)?;
+        ranges::check(self, OptionNaming::Key)?;
         let milestones = &self.milestones;
         let rising = milestones.is_sorted() && milestones[3] <= self.steps;
         if *milestones != [0; 4] && !(rising && milestones[0] > 0) {

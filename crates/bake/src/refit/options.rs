@@ -1,7 +1,7 @@
 //! Options of fitted colours.
 
 use trisplat_scene::Result;
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::ranges::{self, OptionNaming};
 
 /// Colours to fit.
 #[derive(
@@ -39,7 +39,7 @@ impl RefitOptions {
         Self { refit: RefitColors::Auto, refit_flatness: 4.0, refit_passes: 1 };
 
     pub(super) fn validate(&self) -> Result<()> {
-        ranges::check(self, Called::ByFlag)
+        ranges::check(self, OptionNaming::Flag)
     }
 }
 

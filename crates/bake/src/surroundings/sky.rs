@@ -119,13 +119,13 @@ fn rows(views: &Views) -> u32 {
 /// Gives `asset` the panorama in place of its backdrop, also in its levels. Returns whether there
 /// is one.
 pub(crate) fn replace_backdrop(asset: &mut Asset, sky: Sky, placement: &Placement) -> bool {
-    if let Some((scene, _)) = asset.apart() {
+    if let Some((scene, _)) = asset.split_backdrop() {
         asset.mesh = scene.mesh;
         asset.chunks = scene.chunks;
         asset.provenance.backdrop = 0;
     }
     for level in &mut asset.levels {
-        if let Some((scene, _)) = level.apart() {
+        if let Some((scene, _)) = level.split_backdrop() {
             *level = scene;
         }
     }

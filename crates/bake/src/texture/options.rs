@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use trisplat_formats::output::OutputFormat;
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::{Error, Result};
 
 /// Source of the texels.
@@ -102,7 +102,7 @@ impl TextureOptions {
     }
 
     pub(crate) fn validate(&self) -> Result<()> {
-        ranges::check(self, Called::ByFlag)
+        ranges::check(self, OptionNaming::Flag)
     }
 }
 

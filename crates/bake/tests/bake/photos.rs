@@ -495,7 +495,7 @@ fn the_backdrop_stays_apart_from_the_scene_and_through_another_bake() {
         (scene..scene + 128).all(|face| far(&first.mesh, face))
             && !(0..scene).any(|f| far(&first.mesh, f))
     );
-    let (front, behind) = first.apart().unwrap();
+    let (front, behind) = first.split_backdrop().unwrap();
     assert_eq!((front.mesh.face_count(), behind.mesh.face_count()), (scene, 128));
     assert_eq!((front.provenance.backdrop, behind.scene_faces()), (0, 0));
 

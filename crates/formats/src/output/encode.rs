@@ -111,7 +111,8 @@ impl SetWriter<'_> {
     ) -> Result<Vec<String>> {
         let mut warnings;
         let mut quiet = WriteDetails::default();
-        match output.backdrop.as_deref().and_then(|beside| Some((beside, asset.apart()?))) {
+        match output.backdrop.as_deref().and_then(|beside| Some((beside, asset.split_backdrop()?)))
+        {
             Some((beside, (scene, backdrop))) => {
                 warnings = self.one(&scene, output, details)?;
                 warnings.extend(self.one(&backdrop, beside, &mut quiet)?);
@@ -129,8 +130,11 @@ impl SetWriter<'_> {
         }
         for (level, files) in asset.levels.iter().zip(&output.levels) {
             // One file of a backdrop serves all levels.
-            let scene =
-                output.backdrop.as_ref().and_then(|_| level.apart()).map(|(scene, _)| scene);
+            let scene = output
+                .backdrop
+                .as_ref()
+                .and_then(|_| level.split_backdrop())
+                .map(|(scene, _)| scene);
             warnings.extend(self.one(scene.as_ref().unwrap_or(level), files, &mut quiet)?);
         }
         if let Some(path) = &output.tileset {
@@ -260,7 +264,7 @@ fn encode_usdz(
     asset: &Asset,
     options: &OutputOptions,
 ) -> Result<Vec<String>> {
-    let apart = asset.apart();
+    let apart = asset.split_backdrop();
     let scene = apart.as_ref().map_or(asset, |(scene, _)| scene);
     let format = options.texture_format;
     let texture = scene.mesh.texture.as_ref();

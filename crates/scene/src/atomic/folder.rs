@@ -22,7 +22,7 @@ impl FolderLock {
     ///
     /// # Errors
     ///
-    /// Another program that writes into it; what the operating system refuses.
+    /// Another program that writes into it; errors of the operating system.
     pub fn take(folder: &Path) -> Result<Self> {
         let busy = |e: io::Error| match e.kind() {
             io::ErrorKind::ResourceBusy => io::Error::new(
@@ -53,7 +53,7 @@ impl AtomicFolder {
     ///
     /// # Errors
     ///
-    /// Another program that writes into it; what the operating system refuses.
+    /// Another program that writes into it; errors of the operating system.
     pub fn create(folder: &Path) -> Result<Self> {
         let io = |e| Error::io(folder, e);
         let made = MadeFolders::make(folder)?;
@@ -74,7 +74,7 @@ impl AtomicFolder {
     ///
     /// # Errors
     ///
-    /// Those of [`AtomicFolder::create`].
+    /// As for [`AtomicFolder::create`].
     pub fn recover(folder: &Path) -> Result<()> {
         if folder.join(ASIDE).exists() { Self::create(folder).map(drop) } else { Ok(()) }
     }
@@ -87,7 +87,7 @@ impl AtomicFolder {
     /// Make the folders for a file `name` of this folder. Return where it is to be written.
     ///
     /// # Errors
-    /// A name that leads out of the folder; what the operating system refuses.
+    /// A name that leads out of the folder; errors of the operating system.
     pub fn place(&self, name: impl AsRef<Path>) -> Result<PathBuf> {
         let name = name.as_ref();
         let is_inside = name.components().all(|part| matches!(part, Component::Normal(_)));
@@ -108,7 +108,7 @@ impl AtomicFolder {
     ///
     /// # Errors
     ///
-    /// What the operating system refuses.
+    /// Errors of the operating system.
     pub fn publish(self, naming: &str) -> Result<()> {
         let io = |e| Error::io(&self.folder, e);
         let mut names = Vec::new();
@@ -167,7 +167,7 @@ fn move_in(folder: &Path, aside: &Path, naming: &str) -> Result<()> {
     if whole.exists() {
         collect(&whole, Path::new(""), &mut names).map_err(|e| Error::io(folder, e))?;
     }
-    // What came after an old file was moved away is not ours.
+    // A file that came after an old one was moved away is not ours.
     names.retain(|name| !(old.join(name).exists() && folder.join(name).exists()));
     names.sort();
     names.sort_by_key(|name| name.starts_with(naming));

@@ -2,8 +2,8 @@
 //! replaced or removed there.
 //!
 //! Each file has its size and hash. A file has none while it is being written: it is entered before
-//! the first byte, so that whatever a killed run leaves is known as ours. What is not in the list
-//! or has changed since, and what is a link, belongs to the user.
+//! the first byte, so that files of a killed run are known as ours. A file that is not in the list
+//! or has changed since, and a link, belong to the user.
 
 use super::{AtomicFile, hash_of};
 use crate::error::{Error, Result};
@@ -13,7 +13,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-/// A longer file is no manifest.
+/// Maximum size of a manifest, bytes.
 const MAX_BYTES: u64 = 1 << 28;
 
 const UNKNOWN: &str = "is not a file that trisplat wrote";
@@ -30,7 +30,7 @@ pub struct FileManifest {
     files: Files,
 }
 
-/// By name in the folder.
+/// Files by their names in the folder; `None` for one that is being written.
 type Files = BTreeMap<String, Option<FileFingerprint>>;
 
 /// A finished file.
@@ -53,7 +53,7 @@ impl FileManifest {
     ///
     /// # Errors
     ///
-    /// A file of that name that is no such list; what the operating system refuses.
+    /// A file of that name that is no such list; errors of the operating system.
     pub fn read(root: &Path, name: &'static str) -> Result<Self> {
         let path = root.join(name);
         let mut text = String::new();
@@ -67,7 +67,7 @@ impl FileManifest {
                 let files = stored.map(|stored| stored.written_by_trisplat);
                 // A name that leads out of the folder is not of this program.
                 let files = files.filter(|files| files.keys().all(|name| is_plain(name)));
-                files.ok_or_else(|| theirs(&path, UNKNOWN))?
+                files.ok_or_else(|| foreign_file(&path, UNKNOWN))?
             }
         };
         Ok(Self { root: root.to_owned(), name, files })
@@ -77,23 +77,23 @@ impl FileManifest {
     ///
     /// # Errors
     ///
-    /// A file of the user's under such a name; what the operating system refuses.
+    /// A file of the user's under such a name; errors of the operating system.
     pub fn begin(&mut self, names: &[&str]) -> Result<()> {
         let mut files = self.files.clone();
         for name in names {
-            if let Some(why) = self.not_ours(name)? {
-                return Err(theirs(&self.root.join(name), why));
+            if let Some(why) = self.foreign_reason(name)? {
+                return Err(foreign_file(&self.root.join(name), why));
             }
             files.insert((*name).to_owned(), None);
         }
         self.save(files)
     }
 
-    /// Enters size and hash of what was begun.
+    /// Enters size and hash of the files that [`FileManifest::begin`] entered.
     ///
     /// # Errors
     ///
-    /// What the operating system refuses.
+    /// Errors of the operating system.
     pub fn finish(&mut self) -> Result<()> {
         let mut files = self.files.clone();
         for name in self.files.keys().filter(|name| self.files[*name].is_none()) {
@@ -111,9 +111,9 @@ impl FileManifest {
     ///
     /// # Errors
     ///
-    /// What the operating system refuses.
+    /// Errors of the operating system.
     pub fn remove(&mut self, name: &str) -> Result<()> {
-        if self.not_ours(name)?.is_none() {
+        if self.foreign_reason(name)?.is_none() {
             remove(&self.root.join(name))?;
         }
         let mut files = self.files.clone();
@@ -125,10 +125,10 @@ impl FileManifest {
     ///
     /// # Errors
     ///
-    /// What the operating system refuses.
+    /// Errors of the operating system.
     pub fn clear(&mut self) -> Result<()> {
         for name in self.files.keys() {
-            if self.not_ours(name)?.is_none() {
+            if self.foreign_reason(name)?.is_none() {
                 remove(&self.root.join(name))?;
             }
         }
@@ -136,8 +136,8 @@ impl FileManifest {
         remove(&self.root.join(self.name))
     }
 
-    /// Why what is at `name` belongs to the user; `None` for our files and for nothing.
-    fn not_ours(&self, name: &str) -> Result<Option<&'static str>> {
+    /// The reason why the file `name` belongs to the user; `None` for our files and for a missing one.
+    fn foreign_reason(&self, name: &str) -> Result<Option<&'static str>> {
         let path = self.root.join(name);
         match std::fs::symlink_metadata(&path) {
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -175,7 +175,7 @@ impl FileFingerprint {
     }
 }
 
-fn theirs(path: &Path, why: &str) -> Error {
+fn foreign_file(path: &Path, why: &str) -> Error {
     Error::unsupported(path, format!("{why}; {REMEDY}"))
 }
 
@@ -238,7 +238,9 @@ mod tests {
         list.begin(&["three"]).unwrap();
         std::fs::write(at("three"), "ours").unwrap();
         list.finish().unwrap();
-        ["three", "two", "mine", "none"].iter().for_each(|name| list.remove(name).unwrap());
+        for name in ["three", "two", "mine", "none"] {
+            list.remove(name).unwrap();
+        }
         assert_eq!(names(folder.path()), [LIST, "mine", "one", "two"]);
         list.clear().unwrap();
         assert_eq!(names(folder.path()), ["mine", "two"]);

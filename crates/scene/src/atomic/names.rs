@@ -5,7 +5,7 @@ use xxhash_rust::xxh3::xxh3_64;
 
 /// Longest file name that works everywhere, bytes.
 const MAX_NAME_BYTES: usize = 255;
-/// The inner folder in which those of a folder are made.
+/// The inner folder in which the files of a folder are made.
 pub(super) const ASIDE: &str = ".folder.trisplat.new";
 /// Maximum number of links to follow, as on Linux.
 const MAX_LINKS: usize = 40;
@@ -102,7 +102,7 @@ enum Identity {
 }
 
 impl FileId {
-    /// That of `path`.
+    /// Identity of the file or folder at `path`.
     pub fn of(path: &Path) -> Self {
         let path = resolved(path);
         #[cfg(unix)]

@@ -1,5 +1,5 @@
-//! What this process makes and removes again, unless it is kept: temporary files, one for each
-//! target, and new folders.
+//! Temporary files, one for each target, and new folders: this process removes them again unless
+//! they are kept.
 
 use super::names::{ASIDE, temporary_name};
 use crate::error::{Error, Result};
@@ -9,11 +9,11 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Large enough that most writes are only copies.
+/// Size of a write buffer, bytes: large enough that most writes are only copies.
 pub(super) const BUFFER_BYTES: usize = 1 << 20;
 
-/// Number of tries, because others may sweep the same name at the same time.
-const TRIES: usize = 16;
+/// Maximum number of tries, because others may sweep the same name at the same time.
+const MAX_TRIES: usize = 16;
 
 /// A file beside its target that is removed on drop, unless it took the target's name.
 #[derive(Debug)]
@@ -25,7 +25,7 @@ pub(super) struct Temporary {
     pub(super) is_new: bool,
     pub(super) published: bool,
     /// Existing files that only this one names; they are removed with it.
-    pub(super) named: Vec<PathBuf>,
+    pub(super) named_files: Vec<PathBuf>,
     /// New folders for those; dropped after them.
     pub(super) folders: Vec<MadeFolders>,
 }
@@ -34,24 +34,21 @@ impl Temporary {
     /// Starts the file of `target`, and removes that of a killed process.
     pub(super) fn create(target: &Path) -> io::Result<Self> {
         let path = temporary_name(target);
-        for _ in 0..TRIES {
+        for _ in 0..MAX_TRIES {
             // Locked until the file is registered: a signal comes before it exists, or removes it.
             let mut list = list();
             match File::options().write(true).create_new(true).open(&path) {
                 Ok(file) if lock(&file) && is_at(&file, &path) => {
                     list.push(path.clone());
-                    let (target, is_new) = (target.to_owned(), !target.exists());
-                    let named = Vec::new();
-                    let folders = Vec::new();
                     let file = BufWriter::with_capacity(BUFFER_BYTES, file);
                     return Ok(Self {
                         file,
                         path,
-                        target,
-                        is_new,
+                        target: target.to_owned(),
+                        is_new: !target.exists(),
                         published: false,
-                        named,
-                        folders,
+                        named_files: Vec::new(),
+                        folders: Vec::new(),
                     });
                 }
                 // Another process removed it before it was locked.
@@ -72,7 +69,7 @@ impl Temporary {
 
 impl Drop for Temporary {
     fn drop(&mut self) {
-        let unnamed: &[PathBuf] = if self.published { &[] } else { &self.named };
+        let unnamed: &[PathBuf] = if self.published { &[] } else { &self.named_files };
         for path in unnamed {
             // The next run removes the rest.
             let _ = std::fs::remove_file(path);
@@ -171,7 +168,7 @@ pub fn remove_temporaries() {
 /// New folders: on drop, empty ones are removed.
 #[derive(Debug)]
 pub struct MadeFolders {
-    /// Those inside first.
+    /// Inner folders first.
     folders: Vec<PathBuf>,
 }
 
@@ -180,13 +177,15 @@ impl MadeFolders {
     ///
     /// # Errors
     ///
-    /// What the operating system refuses.
+    /// Errors of the operating system.
     pub fn make(folder: &Path) -> Result<Self> {
         let missing =
             folder.ancestors().take_while(|path| !path.as_os_str().is_empty() && !path.exists());
         let made = Self { folders: missing.map(Path::to_owned).collect() };
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        made.folders.iter().for_each(|path| register(path));
+        for path in &made.folders {
+            register(path);
+        }
         Ok(made)
     }
 }

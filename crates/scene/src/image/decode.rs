@@ -76,18 +76,18 @@ fn decode_from(
     }
     guarded(path, || {
         let mut reader = image::ImageReader::new(file).with_guessed_format().map_err(io)?;
-        let mut held = image::Limits::no_limits();
-        held.max_alloc = Some(limits.array_bytes);
-        reader.limits(held);
+        let mut decoder_limits = image::Limits::no_limits();
+        decoder_limits.max_alloc = Some(limits.array_bytes);
+        reader.limits(decoder_limits);
         reader.decode().map_err(|e| broken(path, e))
     })
 }
 
-/// Decodes a picture smaller if its format supports it and no side falls below that of `least`: a
-/// JPEG at 1/2, 1/4 or 1/8, an opaque PNG at `least`; otherwise in full. Returns its full size too.
+/// Decodes a picture smaller if its format supports it and no side falls below that of `min_size`: a
+/// JPEG at 1/2, 1/4 or 1/8, an opaque PNG at `min_size`; otherwise in full. Returns its full size too.
 pub(super) fn decode_reduced(
     path: &Path,
-    least: UVec2,
+    min_size: UVec2,
     limits: &Limits,
 ) -> Result<(image::DynamicImage, UVec2)> {
     let io = |e| Error::io(path, e);
@@ -96,7 +96,7 @@ pub(super) fn decode_reduced(
         let bytes = opened.bytes(path, limits)?;
         let full = header_size(path, Cursor::new(&bytes), bytes.len() as u64, limits)?;
         // Sides that are not multiples would end with a fraction of a pixel.
-        let fits = |part: &u32| (least * *part).cmple(full).all() && full % *part == UVec2::ZERO;
+        let fits = |part: &u32| (min_size * *part).cmple(full).all() && full % *part == UVec2::ZERO;
         if let Some(part) = [8, 4, 2].into_iter().find(fits)
             && let Some(small) = reduced(path, &bytes, full / part)?
         {
@@ -107,7 +107,7 @@ pub(super) fn decode_reduced(
     if opened.start.starts_with(&PNG_START) {
         header_size(path, &mut opened.file, opened.len, limits)?;
         opened.file.rewind().map_err(io)?;
-        if let Some(small) = png::reduced(path, &mut opened.file, least)? {
+        if let Some(small) = png::reduced(path, &mut opened.file, min_size)? {
             return Ok(small);
         }
         opened.file.rewind().map_err(io)?;
@@ -143,7 +143,7 @@ pub(super) fn header_size(
     }
     limits.picture(path.display(), UVec2::new(width, height))?;
     let pixels = u64::from(width) * u64::from(height);
-    if pixels > len.saturating_mul(most_pixels_per_byte(format)) {
+    if pixels > len.saturating_mul(max_pixels_per_byte(format)) {
         return malformed(format!(
             "claims {width}x{height} px, which {len} bytes cannot hold; copy it again"
         ));
@@ -152,7 +152,7 @@ pub(super) fn header_size(
 }
 
 /// Maximum bytes that decoding a picture of `size` px takes, the result included.
-pub(super) fn most_bytes(path: &Path, mut file: impl BufRead, size: UVec2) -> Result<u64> {
+pub(super) fn max_decoding_bytes(path: &Path, mut file: impl BufRead, size: UVec2) -> Result<u64> {
     /// Chunk of a WebP file that may have an opacity per pixel.
     const EXTENDED: &[u8] = b"VP8X";
     let start = file.fill_buf().map_err(|e| Error::io(path, e))?;
@@ -192,9 +192,9 @@ pub(super) fn has_alpha(path: &Path, mut file: impl BufRead + Seek) -> Result<bo
 /// Maximum number of pixels per byte of a file.
 ///
 /// Deflate reaches 1032 bytes per byte (zlib's technical details), and a PNG has one bit per pixel
-/// at least. A JPEG spends a bit on the mean of every block of 8x8 pixels. WebP can say "all of it
+/// at min_size. A JPEG spends a bit on the mean of every block of 8x8 pixels. WebP can say "all of it
 /// is grey" in a few bytes.
-fn most_pixels_per_byte(format: Option<image::ImageFormat>) -> u64 {
+fn max_pixels_per_byte(format: Option<image::ImageFormat>) -> u64 {
     match format {
         Some(image::ImageFormat::Png) => 1032 * 8,
         Some(image::ImageFormat::Jpeg) => 64 * 8,
@@ -206,20 +206,20 @@ fn most_pixels_per_byte(format: Option<image::ImageFormat>) -> u64 {
 const PNG_END: &[u8; 12] = b"\0\0\0\0IEND\xaeB\x60\x82";
 
 /// False when a file's last bytes, or for WebP its stated length, look truncated.
-pub(super) fn ends_well(file: &mut std::fs::File) -> std::io::Result<bool> {
+pub(super) fn is_complete(file: &mut std::fs::File) -> std::io::Result<bool> {
     let len = file.metadata()?.len();
     let mut head = Vec::new();
     let mut tail = Vec::new();
     (&mut *file).take(8).read_to_end(&mut head)?;
     file.seek(SeekFrom::Start(len.saturating_sub(PNG_END.len() as u64)))?;
     file.read_to_end(&mut tail)?;
-    let riff = match head[..] {
+    let is_whole_riff = match head[..] {
         [b'R', b'I', b'F', b'F', a, b, c, d] => {
             u64::from(u32::from_le_bytes([a, b, c, d])) + 8 == len
         }
         _ => false,
     };
-    Ok(riff || tail.ends_with(&JPEG_END) || tail.ends_with(PNG_END))
+    Ok(is_whole_riff || tail.ends_with(&JPEG_END) || tail.ends_with(PNG_END))
 }
 
 fn broken(path: &Path, error: image::ImageError) -> Error {
@@ -232,15 +232,15 @@ fn broken(path: &Path, error: image::ImageError) -> Error {
         image::ImageError::IoError(e) => Error::io(path, e),
         image::ImageError::Unsupported(e) => Error::unsupported(
             path,
-            no_picture(path)
+            placeholder_reason(path)
                 .unwrap_or_else(|| format!("{e}; convert it to PNG, JPEG, WebP or TIFF")),
         ),
         other => Error::malformed(path, "picture", other.to_string()),
     }
 }
 
-/// What a file that is left in place of a picture is.
-fn no_picture(path: &Path) -> Option<String> {
+/// Reason why a file is no picture: empty, or a pointer of git-lfs.
+fn placeholder_reason(path: &Path) -> Option<String> {
     let mut start = Vec::new();
     let file = path.is_file().then(|| File::open(path).ok())??;
     file.take(23).read_to_end(&mut start).ok()?;
@@ -258,12 +258,12 @@ fn no_picture(path: &Path) -> Option<String> {
 pub(super) const JPEG_START: [u8; 2] = [0xff, 0xd8];
 pub(super) const JPEG_END: [u8; 2] = [0xff, 0xd9];
 
-/// A JPEG of colours or greys, reduced to `wanted`; `None` of another kind, or one that the whole
-/// decoder is to judge.
+/// A JPEG of colours or greys, reduced to `size`; `None` for another kind, or one that the decoder
+/// of whole pictures is to judge.
 pub(super) fn reduced(
     path: &Path,
     bytes: &[u8],
-    wanted: UVec2,
+    size: UVec2,
 ) -> Result<Option<image::DynamicImage>> {
     if !is_whole(bytes) {
         return Ok(None);
@@ -271,9 +271,9 @@ pub(super) fn reduced(
     guarded(path, || {
         let mut decoder = jpeg_decoder::Decoder::new(bytes);
         let side = |length: u32| u16::try_from(length).unwrap_or(u16::MAX);
-        let size = decoder.scale(side(wanted.x), side(wanted.y));
-        let UVec2 { x: width, y: height } = wanted;
-        if !size.is_ok_and(|(x, y)| (u32::from(x), u32::from(y)) == (width, height)) {
+        let scaled = decoder.scale(side(size.x), side(size.y));
+        let UVec2 { x: width, y: height } = size;
+        if !scaled.is_ok_and(|(x, y)| (u32::from(x), u32::from(y)) == (width, height)) {
             return Ok(None);
         }
         let format = decoder.info().map(|info| info.pixel_format);
@@ -516,13 +516,13 @@ mod jpeg_tests {
         let limits = &Limits::DEFAULT;
         std::fs::write(&path, RgbImage { size, rgb, alpha: None }.to_jpeg(95).unwrap()).unwrap();
         let whole = RgbImage::load(&path).unwrap();
-        for (least, part) in [(20, 8), (21, 4), (40, 4), (41, 2), (80, 2), (81, 1), (400, 1)] {
+        for (min_size, part) in [(20, 8), (21, 4), (40, 4), (41, 2), (80, 2), (81, 1), (400, 1)] {
             let (small, full) =
-                RgbImage::load_reduced(&path, UVec2::new(least, 1), limits).unwrap();
-            assert_eq!((small.size, full), (size / part, size), "{least}");
+                RgbImage::load_reduced(&path, UVec2::new(min_size, 1), limits).unwrap();
+            assert_eq!((small.size, full), (size / part, size), "{min_size}");
             let mean = whole.downscaled(small.size);
             for (a, b) in small.rgb.iter().zip(&mean.rgb) {
-                assert!((0..3).all(|c| a[c].abs_diff(b[c]) <= 4), "{least}: {a:?} {b:?}");
+                assert!((0..3).all(|c| a[c].abs_diff(b[c]) <= 4), "{min_size}: {a:?} {b:?}");
             }
         }
         // Odd sides are read whole, as is what is cut short, which is an error.

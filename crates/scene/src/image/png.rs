@@ -64,18 +64,18 @@ pub(super) fn decode(
     })
 }
 
-/// A picture of opaque colours or greys, shrunk to `wanted` while it is read, and its full size;
-/// `None` of one that is not larger, is not stored row after row, or that the whole decoder is to
-/// judge.
+/// A picture of opaque colours or greys, shrunk to `size` while it is read, and its full size;
+/// `None` for one that is not larger, is not stored row after row, or that the decoder of whole
+/// pictures is to judge.
 pub(super) fn reduced(
     path: &Path,
     file: impl BufRead + Seek,
-    wanted: UVec2,
+    size: UVec2,
 ) -> Result<Option<(DynamicImage, UVec2)>> {
-    guarded(path, || Ok(shrunk(file, wanted)))
+    guarded(path, || Ok(shrink(file, size)))
 }
 
-fn shrunk(file: impl BufRead + Seek, wanted: UVec2) -> Option<(DynamicImage, UVec2)> {
+fn shrink(file: impl BufRead + Seek, wanted: UVec2) -> Option<(DynamicImage, UVec2)> {
     let mut reader = opened(file).ok()?;
     let size = UVec2::from(reader.info().size());
     let channels = match reader.output_color_type().0 {

@@ -9,20 +9,22 @@ pub(super) fn area_average<const C: usize>(
     to: UVec2,
 ) -> Vec<[u8; C]> {
     let mut average = AreaAverage::new(from, to);
-    source.chunks_exact(from.x as usize).for_each(|row| average.push(row));
+    for row in source.chunks_exact(from.x as usize) {
+        average.push(row);
+    }
     average.finish()
 }
 
-/// The same of rows that come one by one.
+/// [`area_average`] of rows that come one by one.
 pub(super) struct AreaAverage<const C: usize> {
     columns: Vec<(usize, Vec<f32>)>,
     rows: Vec<(usize, Vec<f32>)>,
-    /// Sums of the new row that is being made.
+    /// Sums of the current new row.
     line: Vec<[f32; C]>,
-    /// Number of that row.
-    made: usize,
-    /// Rows that have come.
-    come: usize,
+    /// Number of new rows that are finished.
+    rows_out: usize,
+    /// Number of old rows that were pushed.
+    rows_in: usize,
     averaged: Vec<[u8; C]>,
 }
 
@@ -32,30 +34,30 @@ impl<const C: usize> AreaAverage<C> {
             columns: cover(from.x, to.x),
             rows: cover(from.y, to.y),
             line: vec![[0.0; C]; from.x as usize],
-            made: 0,
-            come: 0,
+            rows_out: 0,
+            rows_in: 0,
             averaged: Vec::with_capacity(to.x as usize * to.y as usize),
         }
     }
 
     /// Takes the next row.
     pub(super) fn push(&mut self, row: &[[u8; C]]) {
-        // It may be the last of one new row and the first of the next ones.
+        // A row may be the last of one new row and the first of the next ones.
         while let Some((top, weights)) =
-            self.rows.get(self.made).filter(|(top, _)| *top <= self.come)
+            self.rows.get(self.rows_out).filter(|(top, _)| *top <= self.rows_in)
         {
-            let weight = weights[self.come - top];
+            let weight = weights[self.rows_in - top];
             for (sum, pixel) in self.line.iter_mut().zip(row) {
                 for c in 0..C {
                     sum[c] += weight * f32::from(pixel[c]);
                 }
             }
-            if self.come - top + 1 < weights.len() {
+            if self.rows_in - top + 1 < weights.len() {
                 break;
             }
             self.end_row();
         }
-        self.come += 1;
+        self.rows_in += 1;
     }
 
     fn end_row(&mut self) {
@@ -70,7 +72,7 @@ impl<const C: usize> AreaAverage<C> {
             sum.map(|s| (s + 0.5) as u8)
         }));
         self.line.fill([0.0; C]);
-        self.made += 1;
+        self.rows_out += 1;
     }
 
     /// The new picture, after the last row.

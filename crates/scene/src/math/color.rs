@@ -188,7 +188,9 @@ impl ColorMap {
             let weighted = weight * x;
             matrix +=
                 DMat4::from_cols(x.x * weighted, x.y * weighted, x.z * weighted, x.w * weighted);
-            (0..3).for_each(|c| right[c] += y[c] * weighted);
+            for c in 0..3 {
+                right[c] += y[c] * weighted;
+            }
             all += weight;
         }
         // Never zero: then the map changes nothing.
@@ -357,7 +359,7 @@ mod color_fit_tests {
             assert!((*row - DVec4::from_array(want)).abs().max_element() < 2e-3, "{row} {want:?}");
         }
         assert!(psnr(&from, &to, None) < 30.0);
-        // What is left is how both were rounded.
+        // Only the rounding of both remains.
         assert!(psnr(&map.of(&from), &to, None) > 55.0);
     }
 

@@ -73,7 +73,9 @@ impl KdTree<'_> {
     /// Keeps the smallest squared distances in `best`, ascending.
     fn search(self, me: u32, p: Vec3, best: &mut [(f32, u32)]) {
         if self.order.len() <= LEAF {
-            self.order.iter().for_each(|&i| self.offer(i, me, p, best));
+            for &i in self.order {
+                self.insert_if_nearer(i, me, p, best);
+            }
             return;
         }
         let middle = self.order.len() / 2;
@@ -83,13 +85,13 @@ impl KdTree<'_> {
         let right = self.part(middle + 1..self.order.len());
         let (near, far) = if offset < 0.0 { (left, right) } else { (right, left) };
         near.search(me, p, best);
-        self.offer(self.order[middle], me, p, best);
+        self.insert_if_nearer(self.order[middle], me, p, best);
         if offset * offset < best[best.len() - 1].0 {
             far.search(me, p, best);
         }
     }
 
-    fn offer(self, i: u32, me: u32, p: Vec3, best: &mut [(f32, u32)]) {
+    fn insert_if_nearer(self, i: u32, me: u32, p: Vec3, best: &mut [(f32, u32)]) {
         let d = self.points[i as usize].distance_squared(p);
         let last = best.len() - 1;
         if i != me && d < best[last].0 {

@@ -6,7 +6,7 @@ use std::process::{Child, ChildStdout, Command, ExitStatus};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// What a process has used.
+/// CPU time and memory that a process has used.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ProcessUsage {
     /// User and system seconds on all threads; 0 if the system does not report them.
@@ -25,8 +25,8 @@ pub fn peak_bytes() -> u64 {
     system::this_process().peak_bytes
 }
 
-/// Returns memory to the system that was freed but that its allocator keeps, where it does: glibc
-/// keeps what each thread of a decoder took.
+/// Return freed memory that the allocator keeps to the system: glibc keeps the arena of each thread
+/// of a decoder.
 pub fn release_freed() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     system::release_freed();
@@ -160,7 +160,8 @@ mod system {
 
 // ---- Programs that this process starts, and ends when it ends itself ----------------------------
 
-const TICK: Duration = Duration::from_millis(20);
+/// Interval at which the end of a program is checked.
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// The running programs, by process number.
 static RUNNING: Mutex<Vec<u32>> = Mutex::new(Vec::new());
@@ -172,7 +173,9 @@ fn running() -> MutexGuard<'static, Vec<u32>> {
 /// Ends every running program; for a process that ends without dropping its values.
 pub fn end_all() {
     let list = running();
-    list.iter().for_each(|&id| kill(id));
+    for &id in list.iter() {
+        kill(id);
+    }
     // From here on no program starts, and no number is reused.
     std::mem::forget(list);
 }
@@ -190,7 +193,7 @@ impl Running {
     ///
     /// # Errors
     ///
-    /// Those of the operating system, for example a missing program.
+    /// Errors of the operating system, for example a missing program.
     pub fn start(command: &mut Command) -> io::Result<Self> {
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(command, 0);
@@ -223,7 +226,7 @@ impl Running {
             if let Some(status) = self.has_ended()? {
                 return Ok(status);
             }
-            std::thread::sleep(TICK);
+            std::thread::sleep(POLL_INTERVAL);
         }
     }
 }
@@ -232,7 +235,7 @@ impl Drop for Running {
     fn drop(&mut self) {
         if !self.ended {
             kill(self.child.id());
-            // What cannot be waited for is nobody's any more.
+            // A program that cannot be waited for has no owner any more.
             let _ = self.wait();
         }
     }

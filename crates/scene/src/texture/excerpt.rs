@@ -1,4 +1,4 @@
-//! The parts of pages that faces show, on a page of their own: for a tile, or what a crop left.
+//! The parts of pages that faces show, on a page of their own: for a tile or a cropped scene.
 //!
 //! Rectangles around faces are copied, with free texels around them. They begin at even texels, so
 //! that the next mip level stays as clean as it was. Rectangles of faces that belong together, such
@@ -15,14 +15,14 @@ use std::sync::Arc;
 
 /// Texels around a rectangle that are copied with it.
 const MARGIN: u32 = 2;
-/// Width and height are multiples of this.
-const STEP: u32 = 32;
-/// Side of the squares by which rectangles that overlap are found, texels.
+/// Width and height of an excerpt are multiples of this, texels.
+const SIZE_STEP: u32 = 32;
+/// Side of the squares of the grid that finds overlapping rectangles, texels.
 const SQUARE: u32 = 32;
-/// Maximum number of squares of a rectangle in which others are looked for.
+/// Maximum number of grid squares that are searched for one rectangle.
 const MAX_SQUARES: u32 = 1 << 12;
-/// An excerpt must have fewer than this share of the texels, or everything stays.
-const WORTH: f64 = 0.75;
+/// Maximum texels of an excerpt, as a share of those of all pages; above it the pages stay.
+const MAX_TEXEL_SHARE: f64 = 0.75;
 
 /// A rectangle of a page, its end excluded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,22 +41,23 @@ impl Rectangle {
         u64::from(self.size().x) * u64::from(self.size().y)
     }
 
-    /// With the free texels around it, from an even texel on.
+    /// The rectangle with its margin, from an even texel on.
     fn grown(&self, page: UVec2) -> Self {
         let low = self.low.map(|x| x.saturating_sub(MARGIN) & !1);
         Self { low, high: (self.high + MARGIN).map(|x| x.next_multiple_of(2)).min(page), ..*self }
     }
 
-    fn with(&self, other: &Self) -> Self {
+    /// The smallest rectangle around two.
+    fn union(&self, other: &Self) -> Self {
         Self { low: self.low.min(other.low), high: self.high.max(other.high), ..*self }
     }
 }
 
 impl FaceTexture {
     /// The texture of the same faces from pages with half of the texels along each side, `halvings`
-    /// times, with only what the faces show. It has one page of at most `most` by `most` texels.
+    /// times, with only what the faces show. It has one page of at most `max_side` by `max_side` texels.
     /// Unchanged where that saves little, or does not fit.
-    pub fn excerpt(&self, halvings: usize, most: u32) -> FaceTexture {
+    pub fn excerpt(&self, halvings: usize, max_side: u32) -> FaceTexture {
         let pages: Vec<&RgbImage> = self.pages.iter().map(|page| page.level(halvings)).collect();
         let (rectangles, of_face) = self.rectangles(&pages);
         let grown: Vec<Rectangle> =
@@ -64,8 +65,8 @@ impl FaceTexture {
         let before: u64 =
             self.pages.iter().map(|page| u64::from(page.size().element_product())).sum();
         let sizes: Vec<UVec2> = grown.iter().map(Rectangle::size).collect();
-        let Some((size, places)) = packed(&sizes, most) else { return self.clone() };
-        if u64::from(size.element_product()) as f64 > WORTH * before as f64 {
+        let Some((size, places)) = pack_rectangles(&sizes, max_side) else { return self.clone() };
+        if u64::from(size.element_product()) as f64 > MAX_TEXEL_SHARE * before as f64 {
             return self.clone();
         }
         let moved = |face: usize| {
@@ -76,7 +77,10 @@ impl FaceTexture {
                 .map(|uv| (uv * texels - from.low.as_vec2() + to.as_vec2()) / size.as_vec2())
         };
         let uvs = parallel::collect(self.uvs.len(), GRAIN, moved);
-        FaceTexture::new(uvs, Arc::new(Texture::new(copied(&pages, &grown, &places, size))))
+        FaceTexture::new(
+            uvs,
+            Arc::new(Texture::new(copy_rectangles(&pages, &grown, &places, size))),
+        )
     }
 
     /// Rectangles that hold the texels of all faces, and the number of that of each. `[F]`
@@ -97,7 +101,7 @@ impl FaceTexture {
             let Rectangle { page, low, .. } = whole[*face as usize];
             (page, low.y, low.x, *face)
         });
-        let mut merged = Merged::default();
+        let mut merged = MergedRectangles::default();
         let mut number_of = vec![0; own.len()];
         for face in order {
             number_of[face as usize] = merged.add(whole[face as usize]);
@@ -132,9 +136,9 @@ impl FaceTexture {
 fn charts(chart_of: &[u32], own: &[Rectangle]) -> Vec<Rectangle> {
     let mut around: Vec<Option<(Rectangle, u64)>> = vec![None; own.len()];
     for (chart, one) in chart_of.iter().zip(own) {
-        let known = &mut around[*chart as usize];
-        let (all, texels) = known.map_or((*one, 0), |(all, texels)| (all.with(one), texels));
-        *known = Some((all, texels + one.grown(UVec2::MAX / 2).area()));
+        let bounds = &mut around[*chart as usize];
+        let (all, texels) = bounds.map_or((*one, 0), |(all, texels)| (all.union(one), texels));
+        *bounds = Some((all, texels + one.grown(UVec2::MAX / 2).area()));
     }
     let of_face = |(chart, one): (&u32, &Rectangle)| match &around[*chart as usize] {
         Some((all, texels)) if all.grown(UVec2::MAX / 2).area() <= *texels => *all,
@@ -143,33 +147,33 @@ fn charts(chart_of: &[u32], own: &[Rectangle]) -> Vec<Rectangle> {
     chart_of.iter().zip(own).map(of_face).collect()
 }
 
-/// Rectangles, those that overlap as one where that has fewer texels.
+/// Rectangles; overlapping ones become one where that has fewer texels.
 #[derive(Default)]
-struct Merged {
+struct MergedRectangles {
     rectangles: Vec<Rectangle>,
-    /// Those that touch a square of a page.
+    /// Numbers of the rectangles that touch each square of a page.
     by_square: BTreeMap<(u16, u32, u32), Vec<u32>>,
 }
 
-impl Merged {
-    /// Returns the number of the rectangle that it is in.
+impl MergedRectangles {
+    /// Add a rectangle; return the number of the rectangle that holds it.
     fn add(&mut self, one: Rectangle) -> u32 {
         let squares = squares(&one);
         let near = squares.iter().filter_map(|square| self.by_square.get(square)).flatten();
         let gain = |number: u32| {
             let other = &self.rectangles[number as usize];
-            (other.area() + one.area()).checked_sub(other.with(&one).area())
+            (other.area() + one.area()).checked_sub(other.union(&one).area())
         };
         let best = near.filter_map(|n| gain(*n).map(|gain| (gain, u32::MAX - n))).max();
-        let (number, joined) = match best {
-            Some((_, number)) => {
-                (u32::MAX - number, self.rectangles[(u32::MAX - number) as usize].with(&one))
-            }
-            None => (self.rectangles.len() as u32, one),
-        };
+        let mut number = self.rectangles.len() as u32;
+        let mut joined = one;
+        if let Some((_, reversed)) = best {
+            number = u32::MAX - reversed;
+            joined = self.rectangles[number as usize].union(&one);
+        }
         match self.rectangles.get_mut(number as usize) {
-            Some(known) if *known == joined => return number,
-            Some(known) => *known = joined,
+            Some(existing) if *existing == joined => return number,
+            Some(existing) => *existing = joined,
             None => self.rectangles.push(joined),
         }
         for square in self::squares(&joined) {
@@ -190,15 +194,15 @@ fn squares(one: &Rectangle) -> Vec<(u16, u32, u32)> {
     all.take(MAX_SQUARES as usize).collect()
 }
 
-/// The size of a page of at most `most` by `most` texels that holds rectangles of these `sizes`,
-/// and where each begins: on shelves, high ones first, those of one height in the order that they
-/// had.
-pub fn packed(sizes: &[UVec2], most: u32) -> Option<(UVec2, Vec<UVec2>)> {
+/// Pack rectangles of these `sizes` onto a page of at most `max_side` by `max_side` texels, on
+/// shelves: the highest first, equal heights in their order. Returns the size of the page and the
+/// upper left corner of each rectangle; `None` if they do not fit.
+pub fn pack_rectangles(sizes: &[UVec2], max_side: u32) -> Option<(UVec2, Vec<UVec2>)> {
     let mut order: Vec<usize> = (0..sizes.len()).collect();
     order.sort_by_key(|i| u32::MAX - sizes[*i].y);
     let texels: u64 = sizes.iter().map(|size| u64::from(size.x) * u64::from(size.y)).sum();
     let widest = sizes.iter().map(|size| size.x).max()?;
-    let width = ((texels as f64).sqrt() as u32).max(widest).next_multiple_of(STEP);
+    let width = ((texels as f64).sqrt() as u32).max(widest).next_multiple_of(SIZE_STEP);
     let mut places = vec![UVec2::ZERO; sizes.len()];
     let mut at = UVec2::ZERO;
     let mut shelf = 0;
@@ -211,15 +215,17 @@ pub fn packed(sizes: &[UVec2], most: u32) -> Option<(UVec2, Vec<UVec2>)> {
         places[i] = at;
         at.x += size.x;
         shelf = shelf.max(size.y);
-        if at.y + shelf > most {
+        if at.y + shelf > max_side {
             return None;
         }
     }
-    (width <= most).then(|| (UVec2::new(width, (at.y + shelf).next_multiple_of(STEP)), places))
+    (width <= max_side)
+        .then(|| (UVec2::new(width, (at.y + shelf).next_multiple_of(SIZE_STEP)), places))
 }
 
-/// The page; what no rectangle covers has the mean colour of the pages.
-fn copied(
+/// Copy rectangles of `pages` to their places on one page; the rest has the mean colour of the
+/// pages.
+fn copy_rectangles(
     pages: &[&RgbImage],
     rectangles: &[Rectangle],
     places: &[UVec2],
@@ -231,9 +237,9 @@ fn copied(
         let from = pages[usize::from(one.page)];
         let at =
             ((one.low.y + one.high.y) / 2 * from.size.x + (one.low.x + one.high.x) / 2) as usize;
-        (0..3).for_each(|c| {
-            sum[c] += one.area() * u64::from(from.rgb[at.min(from.rgb.len() - 1)][c])
-        });
+        for c in 0..3 {
+            sum[c] += one.area() * u64::from(from.rgb[at.min(from.rgb.len() - 1)][c]);
+        }
         texels += one.area();
     }
     let mean = sum.map(|sum| (sum / texels.max(1)) as u8);
@@ -295,7 +301,7 @@ mod tests {
             assert!(texels < (512 * 256 / 2) >> (2 * halvings), "{:?}", part.pages[0].size());
             agree(&whole, &part, halvings);
         }
-        // Where everything is shown, or nothing fits, all stays as it is.
+        // A texture that is shown whole, or does not fit, stays as it is.
         let all = texture(4000);
         assert!(Arc::ptr_eq(&all.excerpt(0, 4096).pages[0], &all.pages[0]));
         assert!(Arc::ptr_eq(&whole.excerpt(0, 32).pages[0], &whole.pages[0]));

@@ -264,7 +264,8 @@ fn uploaded(
 ) -> Result<Box<ShownScene>> {
     let model = Arc::new(Model::upload(gpu, groups, &scene.asset)?);
     let bounds = central_box(&scene.asset);
-    let room = |v: Viewpoint| scene.asset.room(glam::DVec3::from(v.target).as_vec3());
+    let room =
+        |v: Viewpoint| scene.asset.distance_to_backdrop(glam::DVec3::from(v.target).as_vec3());
     let viewpoint = scene.asset.provenance.viewpoint.map(|viewpoint| (viewpoint, room(viewpoint)));
     let crop = CropEditor::around(&bounds, |point| scene.placement.to_world_f64(point));
     Ok(Box::new(ShownScene { files, scene, model, bounds, viewpoint, crop }))
