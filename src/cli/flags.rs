@@ -35,20 +35,17 @@ pub fn check_finite(matches: &ArgMatches) -> Result<()> {
 /// The message of `error` with the flags of `command` spelt as they are typed.
 pub fn message(error: &Error, command: &Command) -> String {
     let mut text = error.to_string();
-    // Ways out that this command does not have.
-    for (field, way) in
-        [("format", ", or `format`"), ("skip_broken", ", or skip them with `skip_broken`")]
+    // The way out, where this command lacks its flag.
+    if let Some((_, clause)) = error.way_out().filter(|(field, _)| typed(command, field).is_none())
     {
-        if typed(command, field).is_none() {
-            text = text.replace(way, "");
-        }
+        text.truncate(text.len() - clause.len());
     }
-    match error {
-        Error::Invalid { option, .. } => {
-            let name = typed(command, option).unwrap_or_else(|| option.clone());
+    match error.option() {
+        Some(option) => {
+            let name = typed(command, option).unwrap_or_else(|| option.to_owned());
             format!("{name}{}", as_flags(&text[option.len()..], command))
         }
-        _ => as_flags(&text, command),
+        None => as_flags(&text, command),
     }
 }
 

@@ -123,7 +123,7 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
             return train_view::run(args, typed, &cli.global, inputs);
         }
         #[cfg(not(feature = "view"))]
-        Command::Train(args) if args.view => Err(error("view")),
+        Command::Train(args) if args.view => Err(missing_feature("view")),
         Command::Train(args) => return train::run(args, typed, &cli.global, inputs, None),
         Command::Plan(args) => return plan::run(args, typed, &cli.global, inputs, out),
         Command::Merge(args) => plan::merge(args, &cli.global, inputs),
@@ -132,7 +132,7 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
         #[cfg(feature = "view")]
         Command::View(args) => view::run(args),
         #[cfg(not(feature = "view"))]
-        Command::View(_) => Err(error("view")),
+        Command::View(_) => Err(missing_feature("view")),
         Command::Info(args) => info::run(args, out),
         Command::Validate(args) => {
             let options = ReadOptions {
@@ -216,15 +216,9 @@ pub struct MissingArgs {
     pub rest: Vec<OsString>,
 }
 
-/// The one error of a command whose feature is missing.
-pub fn error(feature: &str) -> Error {
-    Error::invalid(
-        "this trisplat",
-        format!("built without the feature `{feature}`"),
-        format!(
-            "a build with it: cargo install --path . --features {feature}, in the folder of its sources"
-        ),
-    )
+/// The error of a command whose feature is missing.
+pub fn missing_feature(feature: &'static str) -> Error {
+    Error::MissingFeature(feature)
 }
 
 // ---- Panics: a fault of the program is one error, and unwinding removes its temporary files -----

@@ -123,15 +123,18 @@ fn kept_triangles(
     up: Option<UpAxis>,
     options: &CropOptions,
 ) -> Result<(Vec<bool>, Option<SubjectVolume>)> {
-    let words = || options.crop.iter().map(Region::to_string).collect::<Vec<_>>().join(" and ");
+    let refuse = |wants: &str| Error::EmptyRegion {
+        region: options.crop.iter().map(Region::to_string).collect::<Vec<_>>().join(" and "),
+        wants: wants.to_owned(),
+    };
     if cameras.is_empty() && options.crop.iter().any(|region| matches!(region, Region::Seen(_))) {
         let wants = "a box or a sphere, or photos: `dataset`, as the file stores no cameras";
-        return Err(Error::invalid("crop", words(), wants));
+        return Err(refuse(wants));
     }
     let (of_subject, volume) = if options.is_subject() {
         let wants = "a scene in which one thing stands out, or a box or a sphere";
         let found = subject::subject(scene, cameras, up);
-        let (keep, volume) = found.ok_or_else(|| Error::invalid("crop", words(), wants))?;
+        let (keep, volume) = found.ok_or_else(|| refuse(wants))?;
         (keep, Some(volume))
     } else {
         (Vec::new(), None)
@@ -143,7 +146,7 @@ fn kept_triangles(
     if !keep.contains(&true) {
         let wants =
             format!("a region that overlaps the scene: none of {} triangles is inside", keep.len());
-        return Err(Error::invalid("crop", words(), wants));
+        return Err(refuse(&wants));
     }
     Ok((keep, volume))
 }

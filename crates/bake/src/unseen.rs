@@ -148,7 +148,8 @@ pub fn unseen(
     if visible == 0 && views.as_ref().is_some_and(|views| !views.is_drawn()) {
         let wants =
             "photos of this scene: none of its triangles is in any view; was it moved or scaled?";
-        return Err(Error::invalid("dataset", "its cameras", wants));
+        let fault = "its cameras".to_owned();
+        return Err(Error::ForeignPhotos { fault, wants: wants.to_owned() });
     }
     details.seen_by_none = Some((ranked.len() - visible) as u64);
     let outside = outside_first(mesh, cameras, &mut ranked[visible..]);

@@ -234,8 +234,9 @@ fn open_views(
     if let Some((photo, error)) = broken.first() {
         let broken = format!("{} missing or broken", count(broken.len()));
         if !options.skip_broken {
-            let reason = format!("{error}; {broken}: repair them, or skip them with `skip_broken`");
-            return Err(Error::malformed(&found.list, format!("photo `{}`", photo.name), reason));
+            let reason = format!("{error}; {broken}: repair them");
+            let at = format!("photo `{}`", photo.name);
+            return Err(Error::broken_photos(&found.list, at, &reason));
         }
         found.warnings.push(format!("{broken} and left out, first {error}"));
     }

@@ -152,11 +152,7 @@ impl OutputFormat {
             "html" | "htm" => Ok(Self::Html),
             "json" if tiles::is_tileset(path) => Ok(Self::Tiles),
             _ if path.as_os_str() == "-" || is_device(path) => Ok(Self::Glb),
-            _ => Err(Error::invalid(
-                "output",
-                path.display(),
-                "a name ending in .glb, .gltf, .obj, .ply, .usdz, .html or .tileset.json, or `format`",
-            )),
+            _ => Err(Error::UnknownEnding { path: path.to_owned() }),
         }
     }
 }

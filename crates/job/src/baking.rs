@@ -9,7 +9,10 @@ use super::size_limit::{self, BakeStart};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use trisplat_bake::{BackgroundDetails, Bake, BakeOptions, TeacherWhen, Views, background, merge};
+use trisplat_bake::{
+    BackgroundDetails, Bake, BakeOptions, BakeOutcome, CropDetails, TeacherWhen, ViewpointDetails,
+    Views, background, merge,
+};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
 use trisplat_formats::output::{self, Output, OutputFiles, WriteDetails};
@@ -100,6 +103,10 @@ pub struct Baked {
     /// Inputs, options, stages, files and warnings.
     pub report: Report,
     options: BakeOptions,
+    /// Share of the subject, if the scene was cropped.
+    pub(super) crop: CropDetails,
+    /// Choice of the first viewpoint.
+    pub(super) viewpoint: ViewpointDetails,
 }
 
 impl Baked {
@@ -203,7 +210,7 @@ impl BakeJob {
             .extend(self.photos.iter().flat_map(|photos| photos.warnings.iter().cloned()));
         let Scenes { scenes, mut views, background } = self.scenes(&mut report, observer)?;
         let mut options = self.options;
-        let asset = match (self.max_bytes, &to) {
+        let outcome = match (self.max_bytes, &to) {
             (Some(limit), Some((output, _))) => {
                 let start = BakeStart { scenes: &scenes, background: &background, report: &report };
                 let sized = size_limit::search_triangle_count(
@@ -217,13 +224,16 @@ impl BakeJob {
                 drop(scenes);
                 options = sized.options;
                 report = sized.report;
-                sized.asset
+                sized.outcome
             }
             _ => {
                 let bake = Bake::new(&options).photos(views.as_mut()).report(&mut report);
-                bake.background(background).observer(&mut stages(observer)).run(scenes)?
+                bake.background(background)
+                    .observer(&mut stages(observer))
+                    .run_with_details(scenes)?
             }
         };
+        let BakeOutcome { asset, crop, viewpoint } = outcome;
         report.options = serde_json::to_value(&options).unwrap_or_default();
         if let Some((output, files)) = to {
             output::write(
@@ -236,7 +246,7 @@ impl BakeJob {
             )?;
         }
         report.seconds = began.elapsed().as_secs_f64();
-        Ok(Baked { asset, report, options })
+        Ok(Baked { asset, report, options, crop, viewpoint })
     }
 
     /// The input files and the data set.

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use trisplat_bake::{BackdropWhen, BakeOptions, CropDetails, ViewpointDetails};
+use trisplat_bake::{BackdropWhen, BakeOptions};
 use trisplat_dataset::capture::{Capture, CaptureOptions, VerdictDetails, check_apart};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::output::{self, OutputFormat};
@@ -222,9 +222,9 @@ impl MakeJob {
             let photos = Dataset::load(&done.dataset, &self.dataset_options)?;
             let baked = self.bake(&photos, &mut done.report, observer);
             done.subject = baked.map_err(|error| match error {
-                Error::Invalid { option, value, .. } if option == "dataset" => {
+                Error::ForeignPhotos { fault, .. } => {
                     let reason = format!(
-                        "has {value}; train longer, or take photos that overlap by half or more"
+                        "has {fault}; train longer, or take photos that overlap by half or more"
                     );
                     Error::unsupported(&done.dataset, reason)
                 }
@@ -517,10 +517,10 @@ fn write_subject(
     let planned = job.options.plan_output(file, None)?;
     let options = job.options.output.clone();
     let done = match job.run(observer) {
-        Err(Error::Invalid { option, .. }) if option == "crop" => return Ok(false),
+        Err(Error::EmptyRegion { .. }) => return Ok(false),
         done => done?,
     };
-    let share = done.report.details::<CropDetails>().and_then(|details| details.subject_share);
+    let share = done.crop.subject_share;
     let is_all =
         !whole.has_backdrop() && 4 * done.asset.mesh.face_count() > 3 * whole.mesh.face_count();
     if is_all || share.is_none_or(|share| share > LARGEST_SUBJECT) {
@@ -534,7 +534,7 @@ fn write_subject(
         report,
         &mut stages(observer),
     )?;
-    if done.report.details::<ViewpointDetails>().is_some_and(|first| first.photo.is_some()) {
+    if done.viewpoint.photo.is_some() {
         let Provenance { placement, viewpoint, .. } = done.asset.provenance;
         let moved = placement.inverse().then(&whole.provenance.placement);
         whole.provenance.viewpoint = viewpoint.map(|first| moved.viewpoint_to_file(&first));

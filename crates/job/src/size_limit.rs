@@ -8,7 +8,8 @@ use super::event::{Event, Observer, stages};
 use std::ops::ControlFlow::Continue;
 use trisplat_bake::refit::RefitColors;
 use trisplat_bake::{
-    BackgroundDetails, Bake, BakeOptions, ReshapeOptions, TeacherOptions, TextureWhen, Views,
+    BackgroundDetails, Bake, BakeOptions, BakeOutcome, ReshapeOptions, TeacherOptions, TextureWhen,
+    Views,
 };
 use trisplat_formats::output::{self, Output};
 use trisplat_scene::report::Report;
@@ -26,7 +27,7 @@ const CLOSE: f64 = 0.9;
 
 /// A bake, its options and its report so far.
 pub(super) struct SizedBake {
-    pub(super) asset: Asset,
+    pub(super) outcome: BakeOutcome,
     pub(super) options: BakeOptions,
     pub(super) report: Report,
 }
@@ -81,8 +82,9 @@ pub(super) fn search_triangle_count(
         let _ = observer(Event::SizeLimit { limit, triangles: count });
         let bake = Bake::new(&options).photos(views.as_deref_mut()).report(&mut report);
         let bake = bake.background(start.background.clone());
-        let asset = bake.observer(&mut stages(observer)).run(start.scenes.iter().cloned())?;
-        Ok((bytes(&asset, &options)?, SizedBake { asset, options, report }))
+        let scenes = start.scenes.iter().cloned();
+        let outcome = bake.observer(&mut stages(observer)).run_with_details(scenes)?;
+        Ok((bytes(&outcome.asset, &options)?, SizedBake { outcome, options, report }))
     };
     largest_within(limit, options.prune.max_triangles, trial, make)
 }

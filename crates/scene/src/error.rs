@@ -46,6 +46,44 @@ pub enum Error {
         /// The accepted values.
         wants: String,
     },
+    /// The region to keep holds nothing of the scene, or cannot be determined.
+    #[error("crop is {region}: expected {wants}")]
+    EmptyRegion {
+        /// The region, as in the option `crop`.
+        region: String,
+        /// What would be accepted.
+        wants: String,
+    },
+    /// The photos do not show the scene.
+    #[error("dataset is {fault}: expected {wants}")]
+    ForeignPhotos {
+        /// What is wrong with them.
+        fault: String,
+        /// What would be accepted.
+        wants: String,
+    },
+    /// The name of an output tells no format.
+    #[error(
+        "output is {}: expected a name ending in .glb, .gltf, .obj, .ply, .usdz, .html or .tileset.json, or `format`",
+        path.display()
+    )]
+    UnknownEnding {
+        /// The output.
+        path: PathBuf,
+    },
+    /// Some photos are missing or damaged.
+    #[error("{}: {at}: {reason}, or skip them with `skip_broken`", shown(path))]
+    BrokenPhotos {
+        /// The list or folder of the photos.
+        path: PathBuf,
+        /// The first of them.
+        at: String,
+        /// The fault and the remedy.
+        reason: String,
+    },
+    /// The program is built without an optional feature.
+    #[error("this build lacks the feature `{0}`; rebuild with --features {0}")]
+    MissingFeature(&'static str),
     /// More data than a format or a machine can hold.
     #[error("{what} is {bytes} bytes, the limit is {limit}: {remedy}")]
     TooLarge {
@@ -107,6 +145,26 @@ pub enum Error {
 }
 
 impl Error {
+    /// The field of the option that the message begins with.
+    pub fn option(&self) -> Option<&str> {
+        match self {
+            Self::Invalid { option, .. } => Some(option),
+            Self::EmptyRegion { .. } => Some("crop"),
+            Self::ForeignPhotos { .. } => Some("dataset"),
+            Self::UnknownEnding { .. } => Some("output"),
+            _ => None,
+        }
+    }
+
+    /// The option that the last clause of the message offers as a way out, and that clause.
+    pub fn way_out(&self) -> Option<(&'static str, &'static str)> {
+        match self {
+            Self::UnknownEnding { .. } => Some(("format", ", or `format`")),
+            Self::BrokenPhotos { .. } => Some(("skip_broken", ", or skip them with `skip_broken`")),
+            _ => None,
+        }
+    }
+
     /// Wraps an error of the operating system about `path`.
     pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
         Self::Io { path: path.as_ref().to_owned(), source }
@@ -140,6 +198,13 @@ impl Error {
         let at = in_message(at.into());
         let reason = in_message(reason.into());
         Self::Malformed { path: path.as_ref().to_owned(), at, reason }
+    }
+
+    /// Photos of a list or folder that are missing or damaged; the message ends with a way out.
+    pub fn broken_photos(path: impl AsRef<Path>, at: impl Into<String>, reason: &str) -> Self {
+        let at = in_message(at.into());
+        let reason = in_message(reason.to_owned());
+        Self::BrokenPhotos { path: path.as_ref().to_owned(), at, reason }
     }
 
     /// A valid file that is not supported; `reason` ends with the remedy.

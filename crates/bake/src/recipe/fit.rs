@@ -42,7 +42,7 @@ impl Recipe<'_> {
             return Ok(());
         }
         let wants = "the data set it was trained on, in the same coordinates, or `force_dataset`";
-        Err(Error::invalid("dataset", fault, wants))
+        Err(Error::ForeignPhotos { fault: fault.to_string(), wants: wants.to_owned() })
     }
 
     /// Before anything is fitted to the photos.

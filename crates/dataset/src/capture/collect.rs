@@ -256,9 +256,9 @@ fn left_out(
     if skip_broken && (count < total || !sources.videos.is_empty()) {
         return Ok(Some(format!("{broken} and left out, first {first}")));
     }
-    let reason =
-        format!("{first}; {broken}: repair or remove them, or skip them with `skip_broken`");
-    Err(Error::malformed(photo.path.parent().unwrap_or(&photo.path), "photos", reason))
+    let folder = photo.path.parent().unwrap_or(&photo.path);
+    let reason = format!("{first}; {broken}: repair or remove them");
+    Err(Error::broken_photos(folder, "photos", &reason))
 }
 
 /// Applies `work` to `list` in order, in batches.
