@@ -72,7 +72,7 @@ pub enum Error {
         path: PathBuf,
     },
     /// Some photos are missing or damaged.
-    #[error("{}: {at}: {reason}, or skip them with `skip_broken`", shown(path))]
+    #[error("{}: {at}: {reason}, or skip them with `skip_broken`", display(path))]
     BrokenPhotos {
         /// The list or folder of the photos.
         path: PathBuf,
