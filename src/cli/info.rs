@@ -146,10 +146,10 @@ fn origin_rows(info: &Info) -> Vec<Row> {
             format!("up {up}, {turned}scale {}, center {x} {y} {z}", placement.scale),
         ));
     }
-    if origin.backdrop > 0 {
+    if origin.backdrop_faces > 0 {
         rows.push((
             "backdrop",
-            format!("the last {}", many(u64::from(origin.backdrop), "triangle")),
+            format!("the last {}", many(u64::from(origin.backdrop_faces), "triangle")),
         ));
     }
     if let Some(gltf) = &info.gltf {

@@ -67,7 +67,7 @@ fn an_object_of_transparent_photos_stands_before_any_background() {
     let Trained { soup, scores, .. } = trained(&dataset, &options());
     assert_eq!(soup.shell_count(), 0, "there is nothing behind it");
     let (asset, report) = baked(soup, &dataset, &cut);
-    assert_eq!(asset.provenance.backdrop, 0);
+    assert_eq!(asset.provenance.backdrop_faces, 0);
     let [black, white] = [0, 255].map(|code| psnr_over(code, &asset, &dataset));
 
     // As it was: photos over black, so that black triangles do for nothing.

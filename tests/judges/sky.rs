@@ -53,7 +53,7 @@ struct View {
 /// Views from the first viewpoint of a baked file: level ones all around, and one upwards.
 fn views(scene: &Path) -> Vec<View> {
     let (mesh, provenance) = mesh(scene);
-    assert_eq!(provenance.backdrop, 0, "the scene alone");
+    assert_eq!(provenance.backdrop_faces, 0, "the scene alone");
     let eye = provenance.viewpoint.unwrap().eye.map(|x| x as f32).into();
     let level = (0..5).map(|i| Vec3::new((1.3 * i as f32).cos(), 0.0, (1.3 * i as f32).sin()));
     let focal = Vec2::splat(0.5 * SIZE.y as f32 / (0.5 * FOV.to_radians()).tan());

@@ -108,7 +108,7 @@ fn merge_provenance(a: Provenance, b: Provenance) -> Result<Provenance> {
         up: a.up,
         placement: if a.placement == b.placement { a.placement } else { Placement::IDENTITY },
         viewpoint: a.viewpoint.or(b.viewpoint),
-        backdrop: 0,
+        backdrop_faces: 0,
         exposure: a.exposure.filter(|exposure| b.exposure == Some(*exposure)),
         cameras: Vec::new(),
     })

@@ -154,7 +154,7 @@ pub fn mesh(
         })?;
     report.warnings.extend(texture_details.warning());
 
-    let mut provenance = Provenance { backdrop: backdrop_faces as u32, ..scene.provenance };
+    let mut provenance = Provenance { backdrop_faces: backdrop_faces as u32, ..scene.provenance };
     let points = views.as_deref().map_or(&[][..], Views::points);
     let mut placement = Placement::IDENTITY;
     let (surface_mesh, place_details) =

@@ -131,7 +131,7 @@ pub fn placement(
     options: &PlaceOptions,
     details: &mut PlaceDetails,
 ) -> Placement {
-    let scene = Foreground::new(mesh, provenance.backdrop);
+    let scene = Foreground::new(mesh, provenance.backdrop_faces);
     let up = match (options.up, provenance.up) {
         (UpChoice::Given(up), _) => up,
         // glTF is Y-up, and so are files of an earlier bake.
@@ -215,7 +215,7 @@ pub(crate) fn placement_of(
     }
     let grounded = PlaceOptions { ground: true, ..options.clone() };
     let placement = placement(mesh, provenance, known, &grounded, details);
-    let scene = Foreground::new(mesh, provenance.backdrop);
+    let scene = Foreground::new(mesh, provenance.backdrop_faces);
     details.ground = ground::under(scene, details.ground, placement.up.vector());
     let Some(floor) = details.ground else { return placement };
     let placement = standing(scene, placement, floor);

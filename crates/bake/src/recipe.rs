@@ -17,7 +17,7 @@ use super::crop::CropDetails;
 use super::options::BakeOptions;
 use super::place::PlaceOptions;
 use super::place::up::Evidence;
-use super::surroundings::{BackdropWhen, Sky};
+use super::surroundings::Sky;
 use super::tiles::tiles;
 use super::viewpoint::ViewpointDetails;
 use super::views::Views;
@@ -101,7 +101,7 @@ impl<'a> Recipe<'a> {
         // Colours.
         let (mesh, unseen_colors) = self.refit(mesh, scene_faces, pictures.any())?;
         level_plan.keep_backdrop(&mesh, scene_faces);
-        provenance.backdrop = (mesh.face_count() - scene_faces) as u32;
+        provenance.backdrop_faces = (mesh.face_count() - scene_faces) as u32;
         let mesh = self.texture(mesh, unseen_colors, pictures.any())?;
 
         // Package, levels of detail and tiles.
@@ -156,9 +156,8 @@ impl<'a> Recipe<'a> {
         frame: &FileFrame,
     ) -> Result<Asset> {
         let collision = collision.map(|mesh| placed(mesh, &frame.placement));
-        let backdrop_apart = self.options.backdrop.backdrop == BackdropWhen::File;
-        let mut asset = Asset { collision, backdrop_apart, ..asset };
-        self.replace_backdrop_by_sky(&mut asset, sky, &frame.placement);
+        let mut asset = Asset { collision, ..asset };
+        self.store_surroundings(&mut asset, sky, &frame.placement);
         let options = &self.options.tiles;
         self.stage(asset, Asset::counts, |asset, details| tiles(asset, options, details))
     }

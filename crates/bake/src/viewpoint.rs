@@ -75,7 +75,7 @@ mod tests {
         let positions = [sphere(1.0), sphere(3.0)].concat();
         let colors = Colors::Face(vec![[0.5; 3]; positions.len() / 3]);
         let mut asset = Asset::from(Mesh { positions, colors, ..Mesh::default() });
-        asset.provenance.backdrop = faces.len() as u32;
+        asset.provenance.backdrop_faces = faces.len() as u32;
         asset
     }
 

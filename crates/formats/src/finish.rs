@@ -40,8 +40,8 @@ pub(crate) fn finish(path: &Path, loaded: ImportedScene, origin: DVec3) -> Resul
         return Err(Error::malformed(path, "values", reason));
     }
     // A count that no longer matches is dropped.
-    if dropped > 0 || provenance.backdrop as usize > scene.triangle_count() {
-        provenance.backdrop = 0;
+    if dropped > 0 || provenance.backdrop_faces as usize > scene.triangle_count() {
+        provenance.backdrop_faces = 0;
     }
     if let Some(first) = first {
         let dropped = counted(dropped as u64, "triangle");

@@ -282,7 +282,7 @@ mod provenance_tests {
                     radius: Some(x.abs().into()),
                     orbit: Some(OrbitRange { turn: Some([-scale.min(360.0), 0.1]), elevation: [-0.3, 1.0 / 3.0] }),
                 }),
-                backdrop: seed as u32,
+                backdrop_faces: seed as u32,
                 exposure: Some([0.5, 0.0, 1.0]),
                 cameras: vec![[0.5; 8]],
             };

@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use trisplat_scene::input::{self, guarded};
 use trisplat_scene::report::{OutputReport, Report};
-use trisplat_scene::{Asset, Error, ImportedScene, ImportedSplats, Limits, Result, Splats};
+use trisplat_scene::{
+    Asset, Error, ImportedScene, ImportedSplats, Limits, Result, Splats, SurroundingsStorage,
+};
 
 /// The format of an open file; otherwise an error that names its first bytes and the accepted
 /// formats.
@@ -271,8 +273,8 @@ pub struct WrittenFiles {
 pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<WrittenFiles> {
     let beside = SideFiles {
         levels: asset.levels.len(),
-        backdrop: asset.backdrop_apart,
-        sky: asset.sky.is_some(),
+        backdrop: matches!(asset.surroundings, SurroundingsStorage::BackdropFile),
+        sky: asset.sky().is_some(),
         collision: asset.collision.is_some(),
         texture: asset.mesh.texture.is_some(),
     };

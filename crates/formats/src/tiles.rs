@@ -87,7 +87,7 @@ impl TilesetWriter {
     /// As [`Self::block`].
     pub(super) fn scene(&mut self, asset: &Asset) -> Result<TilesetTile> {
         let root =
-            self.tiles("r", asset, &Provenance { backdrop: 0, ..asset.provenance.clone() })?;
+            self.tiles("r", asset, &Provenance { backdrop_faces: 0, ..asset.provenance.clone() })?;
         let Some((_, backdrop)) = asset.split_backdrop() else { return Ok(root) };
         // Always beside the scene: its box contains everything, so it would be replaced first.
         let extent = bounds(&backdrop.mesh, backdrop.mesh.face_count());

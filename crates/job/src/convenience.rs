@@ -87,7 +87,7 @@ impl AnyScene {
     pub fn bounds(&self) -> Bounds {
         match &self.content {
             Content::Scene(loaded) => {
-                let backdrop = loaded.provenance.backdrop as usize;
+                let backdrop = loaded.provenance.backdrop_faces as usize;
                 let count = loaded.scene.triangle_count().saturating_sub(backdrop);
                 let scene = &loaded.scene;
                 let inside = (0..count).filter(|triangle| !scene.is_shell(*triangle));
@@ -105,7 +105,7 @@ impl AnyScene {
         else {
             return None;
         };
-        let faces = mesh.face_count().saturating_sub(provenance.backdrop as usize);
+        let faces = mesh.face_count().saturating_sub(provenance.backdrop_faces as usize);
         self.rays.first_hit(mesh, faces, origin, direction)
     }
 }

@@ -35,13 +35,23 @@ pub struct Asset {
     /// The collider, which replaces the scene's triangles for collisions: a connected surface, in
     /// the same frame. Not drawn.
     pub collision: Option<Mesh>,
-    /// Whether the backdrop, if there is one, is written into a separate file.
-    pub backdrop_apart: bool,
-    /// The surroundings as a panorama in place of a backdrop, written into a separate file:
-    /// equirectangular, its middle towards +X, a quarter from the left -Z.
-    pub sky: Option<RgbImage>,
+    /// Storage of what is around the scene.
+    pub surroundings: SurroundingsStorage,
     /// The tree that [`Asset::raycast`] builds.
     pub rays: RayTree,
+}
+
+/// Storage of the surroundings of a scene.
+#[derive(Debug, Clone, Default)]
+pub enum SurroundingsStorage {
+    /// The backdrop, the last faces of the mesh, in the file of the scene.
+    #[default]
+    SceneFile,
+    /// The backdrop in a file of its own.
+    BackdropFile,
+    /// A panorama in place of a backdrop, in a file of its own: equirectangular, its middle towards
+    /// +X, a quarter from the left -Z.
+    Sky(RgbImage),
 }
 
 /// A piece of a scene at one level of detail; its children show the same piece with more triangles.
@@ -93,7 +103,7 @@ impl Asset {
 
     /// Number of faces of the scene itself; later ones are the backdrop.
     pub fn scene_faces(&self) -> usize {
-        self.mesh.face_count().saturating_sub(self.provenance.backdrop as usize)
+        self.mesh.face_count().saturating_sub(self.provenance.backdrop_faces as usize)
     }
 
     /// The size of the scene's detail, without its backdrop: see [`Mesh::detail`].
@@ -113,6 +123,14 @@ impl Asset {
         corners.map(|corner| corner.distance_squared(from)).fold(f32::INFINITY, f32::min).sqrt()
     }
 
+    /// The panorama in place of a backdrop, if there is one.
+    pub fn sky(&self) -> Option<&RgbImage> {
+        match &self.surroundings {
+            SurroundingsStorage::Sky(picture) => Some(picture),
+            SurroundingsStorage::SceneFile | SurroundingsStorage::BackdropFile => None,
+        }
+    }
+
     /// The scene and its backdrop as two assets without levels; `None` when it has none.
     pub fn split_backdrop(&self) -> Option<(Asset, Asset)> {
         if !self.has_backdrop() {
@@ -121,13 +139,13 @@ impl Asset {
         let faces = self.scene_faces();
         let mut mesh = self.mesh.clone();
         let backdrop_mesh = mesh.split_off(faces);
-        let provenance = |backdrop| Provenance { backdrop, ..self.provenance.clone() };
+        let provenance = |backdrop_faces| Provenance { backdrop_faces, ..self.provenance.clone() };
         let chunks =
             self.chunks.iter().filter(|chunk| (chunk.first as usize) < faces).copied().collect();
         let collision = self.collision.clone();
         let scene =
             Asset { mesh, chunks, provenance: provenance(0), collision, ..Asset::default() };
-        let provenance = provenance(self.provenance.backdrop).without_views();
+        let provenance = provenance(self.provenance.backdrop_faces).without_views();
         let backdrop = Asset { provenance, ..Asset::from(backdrop_mesh) };
         Some((scene, backdrop))
     }
@@ -416,8 +434,8 @@ pub struct Provenance {
     pub viewpoint: Option<Viewpoint>,
     /// Number of last triangles that are the backdrop: a far sphere outside the scene. Absent when
     /// 0.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub backdrop: u32,
+    #[serde(default, rename = "backdrop", skip_serializing_if = "is_zero")]
+    pub backdrop_faces: u32,
     /// Shares of the estimated gain, white balance and falloff by which its photos were corrected
     /// in training; absent where they were taken as they are.
     #[serde(default, skip_serializing_if = "Option::is_none")]

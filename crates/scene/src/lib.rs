@@ -32,7 +32,9 @@ mod splats;
 pub mod stored_cameras;
 mod texture;
 
-pub use asset::{Asset, Chunk, Placement, Provenance, Tile, UpAxis, UpDirection};
+pub use asset::{
+    Asset, Chunk, Placement, Provenance, SurroundingsStorage, Tile, UpAxis, UpDirection,
+};
 pub use bounds::Bounds;
 pub use error::{Error, Result, cut, excerpt};
 pub use floaters::Floaters;

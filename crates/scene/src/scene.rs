@@ -136,7 +136,7 @@ impl ImportedScene {
 
     /// Takes the backdrop out of the mesh, when it has one.
     pub fn take_backdrop(&mut self) -> Option<Mesh> {
-        let count = std::mem::take(&mut self.provenance.backdrop) as usize;
+        let count = std::mem::take(&mut self.provenance.backdrop_faces) as usize;
         match &mut self.scene {
             Scene::Mesh(mesh) if (1..mesh.face_count()).contains(&count) => {
                 Some(mesh.split_off(mesh.face_count() - count))
@@ -152,7 +152,7 @@ impl ImportedScene {
     /// More vertices than 32 bits count.
     pub fn put_backdrop(&mut self, backdrop: Mesh) -> Result<()> {
         if let Scene::Mesh(mesh) = &mut self.scene {
-            self.provenance.backdrop += backdrop.face_count() as u32;
+            self.provenance.backdrop_faces += backdrop.face_count() as u32;
             mesh.append(backdrop)?;
         }
         Ok(())

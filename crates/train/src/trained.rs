@@ -186,7 +186,7 @@ pub(super) fn provenance(dataset: &Dataset) -> Provenance {
         placement: Placement { center: dataset.origin.to_array(), ..Placement::IDENTITY },
         // The soup stores its cameras, so viewers can choose among them.
         viewpoint: None,
-        backdrop: 0,
+        backdrop_faces: 0,
         exposure: None,
         cameras: Vec::new(),
     }

@@ -125,13 +125,13 @@ impl Recipe<'_> {
         }
         let psnr = evaluate(&level, views)?;
         let backdrop_faces = (level.face_count() - faces) as u32;
-        let mut provenance = Provenance { backdrop: backdrop_faces, ..context.provenance.clone() };
+        let mut provenance = Provenance { backdrop_faces, ..context.provenance.clone() };
         // A texture holds the backdrop of its level.
         if level.texture.is_none() || in_tiles {
             level.split_off(faces);
-            provenance.backdrop = 0;
+            provenance.backdrop_faces = 0;
             if let Some(backdrop) = backdrop.filter(|_| !in_tiles) {
-                provenance.backdrop = backdrop.face_count() as u32;
+                provenance.backdrop_faces = backdrop.face_count() as u32;
                 level.append(backdrop.clone())?;
             }
         }

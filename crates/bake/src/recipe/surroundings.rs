@@ -13,7 +13,7 @@ use crate::views::Views;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::Outcome;
-use trisplat_scene::{Asset, Placement, Result, Scene};
+use trisplat_scene::{Asset, Placement, Result, Scene, SurroundingsStorage};
 
 impl Recipe<'_> {
     /// True if only a region of the scene is baked, to which surroundings do not belong.
@@ -180,17 +180,21 @@ impl Recipe<'_> {
         })
     }
 
-    /// Gives the scene and its levels the panorama, if that is asked for.
-    pub(super) fn replace_backdrop_by_sky(
+    /// Chooses the storage of the surroundings, of the scene and its levels.
+    pub(super) fn store_surroundings(
         &mut self,
         asset: &mut Asset,
         sky: Sky,
         placement: &Placement,
     ) {
-        let wants_sky = self.options.backdrop.backdrop == BackdropWhen::Sky;
-        if wants_sky && !replace_backdrop(asset, sky, placement) {
-            let warning = "no sky is written: it needs photos (`dataset`), or a scene with a shell";
-            self.report.warnings.push(warning.to_owned());
+        match self.options.backdrop.backdrop {
+            BackdropWhen::File => asset.surroundings = SurroundingsStorage::BackdropFile,
+            BackdropWhen::Sky if !replace_backdrop(asset, sky, placement) => {
+                let warning =
+                    "no sky is written: it needs photos (`dataset`), or a scene with a shell";
+                self.report.warnings.push(warning.to_owned());
+            }
+            _ => {}
         }
     }
 }

@@ -2,11 +2,11 @@
 //! next stage takes its colours from the photos.
 //!
 //! A soft scene hides its holes under haze; a solid one shows the engine's background through them.
-//! The sphere does not belong to the scene: its triangles come last, [`Provenance::backdrop`]
+//! The sphere does not belong to the scene: its triangles come last, [`Provenance::backdrop_faces`]
 //! counts them, and files store them separately. They are visible from inside only, so a viewer
 //! outside looks through the near side.
 //!
-//! [`Provenance::backdrop`]: trisplat_scene::Provenance::backdrop
+//! [`Provenance::backdrop_faces`]: trisplat_scene::Provenance::backdrop_faces
 
 use super::closed_surface::{MAX_SUBDIVISIONS, MIN_COVERED, RADIUS_FACTOR, closed_surface};
 use crate::budget::TriangleBudget;

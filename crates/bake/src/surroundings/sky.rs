@@ -20,7 +20,7 @@ use trisplat_scene::math::geometry::{face_count, mean};
 use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{Asset, Placement, Result};
+use trisplat_scene::{Asset, Placement, Result, SurroundingsStorage};
 
 /// Subdivisions of the octahedron without a shell: a sphere.
 const OF_SPHERE: u32 = 4;
@@ -122,15 +122,16 @@ pub(crate) fn replace_backdrop(asset: &mut Asset, sky: Sky, placement: &Placemen
     if let Some((scene, _)) = asset.split_backdrop() {
         asset.mesh = scene.mesh;
         asset.chunks = scene.chunks;
-        asset.provenance.backdrop = 0;
+        asset.provenance.backdrop_faces = 0;
     }
     for level in &mut asset.levels {
         if let Some((scene, _)) = level.split_backdrop() {
             *level = scene;
         }
     }
-    asset.sky = sky.0.map(|picture| turned(&picture, placement));
-    asset.sky.is_some()
+    let Sky(Some(picture)) = sky else { return false };
+    asset.surroundings = SurroundingsStorage::Sky(turned(&picture, placement));
+    true
 }
 
 // ---- A picture of everything around a place, as engines take it for their sky: equirectangular

@@ -136,8 +136,12 @@ fn a_budget_keeps_the_shell_whole() {
     let budget = 8 * shell + 500;
     assert!(shell > 0 && budget < whole.mesh.face_count());
     let fewer = baked(Some(budget as u64));
-    assert_eq!((fewer.mesh.face_count(), fewer.provenance.backdrop), (budget, shell as u32));
-    assert_eq!(whole.provenance.backdrop, 4 * shell as u32, "without a budget it is cut in four");
+    assert_eq!((fewer.mesh.face_count(), fewer.provenance.backdrop_faces), (budget, shell as u32));
+    assert_eq!(
+        whole.provenance.backdrop_faces,
+        4 * shell as u32,
+        "without a budget it is cut in four"
+    );
     // It is placed by what is before it, so where it lies may differ a little, but not its shape.
     let area = |asset: &Asset| {
         (asset.scene_faces()..asset.mesh.face_count()).map(|f| asset.mesh.area(f)).sum::<f64>()

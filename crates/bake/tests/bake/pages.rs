@@ -200,7 +200,7 @@ fn a_backdrop_on_several_pages_has_nodes_of_different_names() {
     // The last half is the backdrop, on both pages.
     let half = Chunk { first: 0, count: faces as u32 / 2 };
     asset.chunks = vec![half, Chunk { first: half.count, ..half }];
-    asset.provenance.backdrop = half.count;
+    asset.provenance.backdrop_faces = half.count;
     let options = GltfOptions { texture: TextureFormat::Png, ..GltfOptions::default() };
     let glb = to_glb_bytes(&asset, &options).unwrap();
     let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
@@ -212,5 +212,5 @@ fn a_backdrop_on_several_pages_has_nodes_of_different_names() {
     names.sort_unstable();
     names.dedup();
     assert_eq!(names.len(), all, "{names:?}");
-    assert_eq!(read(&glb).provenance.backdrop, half.count);
+    assert_eq!(read(&glb).provenance.backdrop_faces, half.count);
 }

@@ -476,7 +476,7 @@ fn the_backdrop_stays_apart_from_the_scene_and_through_another_bake() {
     };
     let first = baked(mesh.clone().into(), &options, Some(&mut views(&dataset)));
     let scene = first.scene_faces();
-    assert_eq!((first.provenance.backdrop, first.mesh.face_count() - scene), (128, 128));
+    assert_eq!((first.provenance.backdrop_faces, first.mesh.face_count() - scene), (128, 128));
     let last = *first.chunks.last().unwrap();
     assert_eq!((last.first as usize, last.count), (scene, 128));
     assert!(
@@ -485,7 +485,7 @@ fn the_backdrop_stays_apart_from_the_scene_and_through_another_bake() {
     );
     // Whoever draws a level alone sees no hole either.
     let level = &first.levels[0];
-    assert_eq!((level.scene_faces(), level.provenance.backdrop), (scene / 2, 128));
+    assert_eq!((level.scene_faces(), level.provenance.backdrop_faces), (scene / 2, 128));
     let corners = |asset: &Asset| -> Vec<_> {
         (asset.scene_faces()..asset.mesh.face_count()).map(|f| asset.mesh.corners(f)).collect()
     };
@@ -497,7 +497,7 @@ fn the_backdrop_stays_apart_from_the_scene_and_through_another_bake() {
     );
     let (front, behind) = first.split_backdrop().unwrap();
     assert_eq!((front.mesh.face_count(), behind.mesh.face_count()), (scene, 128));
-    assert_eq!((front.provenance.backdrop, behind.scene_faces()), (0, 0));
+    assert_eq!((front.provenance.backdrop_faces, behind.scene_faces()), (0, 0));
 
     let again = |options: &BakeOptions| {
         let input = ImportedScene {
@@ -507,12 +507,12 @@ fn the_backdrop_stays_apart_from_the_scene_and_through_another_bake() {
         baked(input, options, None)
     };
     let kept = again(&BakeOptions::DEFAULT);
-    assert_eq!((kept.provenance.backdrop, kept.mesh.face_count()), (128, scene + 128));
+    assert_eq!((kept.provenance.backdrop_faces, kept.mesh.face_count()), (128, scene + 128));
     assert!((scene..scene + 128).all(|face| far(&kept.mesh, face)));
     let mut off = BakeOptions::DEFAULT;
     off.backdrop.backdrop = BackdropWhen::Off;
     let without = again(&off);
-    assert_eq!((without.provenance.backdrop, without.mesh.face_count()), (0, scene));
+    assert_eq!((without.provenance.backdrop_faces, without.mesh.face_count()), (0, scene));
 
     // In a file of its own, as the program writes it.
     let mut apart = BakeOptions::DEFAULT;

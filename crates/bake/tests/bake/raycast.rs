@@ -155,7 +155,7 @@ fn neither_backdrop_nor_damaged_faces_are_hit() {
     let mut asset = equal(2);
     asset.mesh.positions[0].z = f32::NAN;
     assert_eq!(asset.raycast(origin, direction).map(|hit| hit.face), Some(1));
-    asset.provenance = Provenance { backdrop: 1, ..Provenance::default() };
+    asset.provenance = Provenance { backdrop_faces: 1, ..Provenance::default() };
     assert_eq!(asset.clone().raycast(origin, direction), None);
     assert_eq!(asset.raycast(origin, direction), None, "the tree of more faces is not used");
 }

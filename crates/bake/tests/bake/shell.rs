@@ -51,20 +51,20 @@ fn with_shell(count: u64) -> Soup {
 fn the_subject_never_lands_in_the_backdrop() {
     let asset = baked([with_shell(400)], |_| {});
     // The solid triangles of the octahedron hardly touch: a closed surface stands in their place.
-    assert_eq!((asset.provenance.backdrop, asset.mesh.face_count()), (128, 528));
+    assert_eq!((asset.provenance.backdrop_faces, asset.mesh.face_count()), (128, 528));
     assert!((0..400).all(|face| asset.mesh.area(face) < 1.0), "the backdrop comes last");
     // Two scenes, each with its own.
     let both = baked([with_shell(100), with_shell(60)], |_| {});
     // Together they are cut in four.
-    assert_eq!((both.provenance.backdrop, both.mesh.face_count()), (64, 224));
+    assert_eq!((both.provenance.backdrop_faces, both.mesh.face_count()), (64, 224));
 }
 
 #[test]
 fn a_shell_of_a_scene_without_backdrop_is_part_of_it() {
     let asset = baked([with_shell(40)], |options| options.backdrop.backdrop = BackdropWhen::Off);
-    assert_eq!((asset.provenance.backdrop, asset.mesh.face_count()), (0, 48));
+    assert_eq!((asset.provenance.backdrop_faces, asset.mesh.face_count()), (0, 48));
     let none = baked([subject(40)], |_| {});
-    assert_eq!((none.provenance.backdrop, none.mesh.face_count()), (0, 40));
+    assert_eq!((none.provenance.backdrop_faces, none.mesh.face_count()), (0, 40));
 }
 
 #[test]
@@ -79,9 +79,9 @@ fn a_closed_far_shell_of_any_soup_is_the_backdrop() {
         Bake::new(&options).run([studio()]).unwrap()
     };
     let asset = bake(BackdropWhen::Auto);
-    let behind = asset.mesh.face_count() - asset.provenance.backdrop as usize;
+    let behind = asset.mesh.face_count() - asset.provenance.backdrop_faces as usize;
     // The dome's 402 triangles touch nowhere: one closed surface, cut in four, is in their place.
-    assert_eq!(asset.provenance.backdrop, 2048);
+    assert_eq!(asset.provenance.backdrop_faces, 2048);
     let far = |face: usize| asset.mesh.centroid(face).length();
     let reach = (0..behind).map(far).fold(0.0, f32::max);
     assert!(
@@ -93,13 +93,13 @@ fn a_closed_far_shell_of_any_soup_is_the_backdrop() {
         asset.mesh.flat_normal(*face).dot(asset.mesh.centroid(*face)) < 0.01 * far(*face)
     };
     assert!((behind..asset.mesh.face_count()).all(|face| inward(&face)), "fronts are inside");
-    assert_eq!(bake(BackdropWhen::Off).provenance.backdrop, 0);
+    assert_eq!(bake(BackdropWhen::Off).provenance.backdrop_faces, 0);
     // Of two inputs each has its own, wherever they stand.
     let mut beside = studio();
     let trisplat_scene::Scene::Soup(soup) = &mut beside.scene else { panic!("a soup") };
     soup.vertices.iter_mut().flatten().for_each(|p| p.x += 90.0);
     let both = Bake::new(&BakeOptions::preset(BakePreset::Fast)).run([studio(), beside]).unwrap();
-    assert_eq!(both.provenance.backdrop, 2 * 4 * 402, "the domes of several inputs stay");
+    assert_eq!(both.provenance.backdrop_faces, 2 * 4 * 402, "the domes of several inputs stay");
 }
 
 /// A dome of radius 20 with one grey per face, which is at least 100 codes from those of its
@@ -209,7 +209,7 @@ fn no_edge_of_a_dome_is_left_and_it_stays_closed() {
     for (copies, with) in [(1, None), (11, None), (11, Some(&dataset))] {
         let asset = baked_dome(copies, with, BackdropWhen::Auto);
         let finer = if copies > 1 { 4 } else { 1 };
-        assert_eq!(asset.provenance.backdrop, 128 * finer);
+        assert_eq!(asset.provenance.backdrop_faces, 128 * finer);
         let (step, open) = largest_step(&asset.mesh);
         let name = format!("{copies} copies, photos {}", with.is_some());
         assert!(

@@ -109,9 +109,9 @@ const SEEN: [f32; 2] = [0.35, 0.65];
 fn photos_decide_the_panorama_which_is_smooth_where_none_looks() {
     let (trained, _folder, dataset) = photographed();
     let (asset, _) = baked(trained, Some(&dataset), |_| ());
-    assert_eq!((asset.provenance.backdrop, asset.mesh.texture.is_some()), (0, false));
+    assert_eq!((asset.provenance.backdrop_faces, asset.mesh.texture.is_some()), (0, false));
     assert!(asset.mesh.positions.iter().all(|v| v.length() < 10.0), "the scene alone");
-    let sky = asset.sky.as_ref().expect("a panorama");
+    let sky = asset.sky().expect("a panorama");
     assert_eq!(sky.size.x, 2 * sky.size.y);
     let (step, error, _) = step_and_error(sky, SEEN, |d| d);
     assert!(step < 12 && error < 8.0, "steps of {step}, {error} codes off");
@@ -130,9 +130,9 @@ fn the_panorama_turns_with_the_scene() {
     let placement = asset.provenance.placement;
     let back = placement.rotation().transpose().as_mat3();
     // All rows: those that photos see are columns now.
-    let (_, error, _) = step_and_error(asset.sky.as_ref().unwrap(), [0.0, 1.0], |d| back * d);
+    let (_, error, _) = step_and_error(asset.sky().unwrap(), [0.0, 1.0], |d| back * d);
     assert!(error < 30.0, "{error} codes off");
-    let (_, not_turned, _) = step_and_error(asset.sky.as_ref().unwrap(), [0.0, 1.0], |d| d);
+    let (_, not_turned, _) = step_and_error(asset.sky().unwrap(), [0.0, 1.0], |d| d);
     assert!(not_turned > error + 10.0, "{not_turned} {error}");
 }
 
@@ -146,21 +146,20 @@ fn a_shell_without_photos_keeps_its_colours_and_loses_its_edges() {
     let mut trained = grey(&scene());
     trained.append(dome).unwrap();
     let (asset, _) = baked(trained, None, |_| ());
-    let (step, error, _) =
-        step_and_error(asset.sky.as_ref().expect("a panorama"), [0.0, 1.0], |d| d);
+    let (step, error, _) = step_and_error(asset.sky().expect("a panorama"), [0.0, 1.0], |d| d);
     assert!(step < 6 && error < 8.0, "steps of {step}, {error} codes off");
     // Of facets that differ by up to 230 codes no edge is left.
     let mut trained = grey(&scene());
     trained.append(sphere(true)).unwrap();
     let (asset, _) = baked(trained, None, |_| ());
-    let (step, _, _) = step_and_error(asset.sky.as_ref().expect("a panorama"), [0.1, 0.9], |d| d);
+    let (step, _, _) = step_and_error(asset.sky().expect("a panorama"), [0.1, 0.9], |d| d);
     assert!(step < 12, "steps of {step} codes");
 }
 
 #[test]
 fn without_photos_and_shell_no_sky_is_written_and_the_bake_says_so() {
     let (asset, report) = baked(grey(&scene()), None, |_| ());
-    assert!(asset.sky.is_none());
+    assert!(asset.sky().is_none());
     assert!(
         report.warnings.iter().any(|warning| warning.starts_with("no sky is written")),
         "{report:?}"
@@ -175,14 +174,14 @@ fn without_photos_and_shell_no_sky_is_written_and_the_bake_says_so() {
 fn the_picture_is_a_file_beside_the_scene_or_in_a_page() {
     let (trained, _folder, dataset) = photographed();
     let (mut asset, _) = baked(trained, Some(&dataset), |options| options.lod.lod = vec![0.5]);
-    assert_eq!(asset.levels[0].provenance.backdrop, 0);
+    assert_eq!(asset.levels[0].provenance.backdrop_faces, 0);
     asset.levels.clear();
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     assert_eq!(names(&asset, &path("a.glb")), ["a.glb", "a.sky.jpg"]);
     assert!(names_sky(&path("a.glb"), "a.sky.jpg"));
     let file = RgbImage::load(&path("a.sky.jpg")).unwrap();
-    let sky = asset.sky.as_ref().unwrap();
+    let sky = asset.sky().unwrap();
     let worst = file.rgb.iter().zip(&sky.rgb).map(|(a, b)| apart(*a, *b)).max();
     assert!(file.size == sky.size && worst < Some(8), "{worst:?}");
     assert_eq!(names(&asset, &path("b.html")), ["b.html"]);

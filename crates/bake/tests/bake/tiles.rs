@@ -110,7 +110,7 @@ fn a_backdrop_is_in_no_tile() {
     };
     let input = trisplat_formats::read(&sample, &Default::default()).unwrap();
     let asset = Bake::new(&options).run([input]).unwrap();
-    assert!(asset.provenance.backdrop > 0);
+    assert!(asset.provenance.backdrop_faces > 0);
     let root = asset.tiles.as_deref().unwrap();
     let mut finest = Vec::new();
     leaves(root, &mut finest);

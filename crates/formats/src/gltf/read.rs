@@ -71,13 +71,13 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     for instance in instances.iter().filter(is_backdrop) {
         merged.add(instance)?;
     }
-    let backdrop = (merged.faces - scene_faces) as u32;
+    let backdrop_faces = (merged.faces - scene_faces) as u32;
     let mut extensions = document.extensions_used.iter().chain(&document.extensions_required);
     if merged.faces == 0 && extensions.any(|name| name.starts_with(format::GLTF_EXTENSION)) {
         return Err(format::refusal(&path, "glTF"));
     }
     let (mesh, warnings) = merged.finish()?;
-    let provenance = Provenance { backdrop, ..compose::provenance(&document.asset) };
+    let provenance = Provenance { backdrop_faces, ..compose::provenance(&document.asset) };
     let loaded =
         ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
     finish(&path, loaded, origin)

@@ -119,12 +119,13 @@ impl SetWriter<'_> {
             }
             None => warnings = self.one(asset, output, details)?,
         }
-        if let (Some(path), Some(sky)) = (&output.sky, &asset.sky) {
+        if let (Some(path), Some(sky)) = (&output.sky, asset.sky()) {
             self.bytes(path, &self.options.texture_format.bytes(sky)?)?;
         }
         if let (Some(beside), Some(mesh)) = (&output.collision, &asset.collision) {
             // Nobody looks at it.
-            let provenance = Provenance { backdrop: 0, ..asset.provenance.clone().without_views() };
+            let provenance =
+                Provenance { backdrop_faces: 0, ..asset.provenance.clone().without_views() };
             let collision = Asset { provenance, ..Asset::from(mesh.clone()) };
             warnings.extend(self.one(&collision, beside, &mut quiet)?);
         }
@@ -197,7 +198,7 @@ impl Output {
         let path = self.main.as_path();
         let io = |e| Error::io(path, e);
         let name = self.second.as_deref().map(name_of).unwrap_or_default();
-        let sky = asset.sky.as_ref().and(self.sky.as_deref()).map(name_of);
+        let sky = asset.sky().and(self.sky.as_deref()).map(name_of);
         let named = |encoding| GltfOptions {
             node_name: self.node.to_owned(),
             sky_name: sky.clone(),
@@ -237,7 +238,7 @@ impl Output {
                     details.notes.get_or_insert_default().push(unlit.into());
                 }
                 let format = options.texture_format;
-                let sky = asset.sky.as_ref().map(|sky| format.bytes(sky)).transpose()?;
+                let sky = asset.sky().map(|sky| format.bytes(sky)).transpose()?;
                 let sky = sky.map(|bytes| (format.media_type(), bytes));
                 html::write(main, path, &title.to_string_lossy(), asset, sky, &encoding)?
             }

@@ -56,7 +56,7 @@ pub(crate) fn provenance() -> Provenance {
             center: [1.0 / 3.0, -2e-9, 7e20],
         },
         viewpoint: Some(trisplat_fixtures::VIEWPOINT),
-        backdrop: 0,
+        backdrop_faces: 0,
         exposure: Some([0.5, 0.0, 1.0]),
         cameras: vec![[0.1, -20.5, 3.0, 0.25, -0.5, 0.125, 0.6, 0.4]],
     }

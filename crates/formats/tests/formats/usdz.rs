@@ -26,7 +26,10 @@ fn asset() -> Asset {
         colors: Colors::Face(vec![[1.0, 0.5, 0.25], [0.0; 3]]),
         ..Mesh::default()
     };
-    Asset { provenance: Provenance { backdrop: 1, ..Provenance::default() }, ..Asset::from(mesh) }
+    Asset {
+        provenance: Provenance { backdrop_faces: 1, ..Provenance::default() },
+        ..Asset::from(mesh)
+    }
 }
 
 /// Every file of the archive, in order, and the warnings of its writer.
@@ -97,7 +100,7 @@ fn single_sided_triangles_are_a_mesh_of_their_own() {
 #[test]
 fn a_texture_is_a_picture_in_the_archive() {
     let mut asset = asset();
-    asset.provenance.backdrop = 0;
+    asset.provenance.backdrop_faces = 0;
     let picture = RgbImage::from_rgb(glam::UVec2::splat(4), &[[0.5; 3]; 16]);
     let uv = [Vec2::ZERO, Vec2::X, Vec2::Y];
     asset.mesh.texture = Some(FaceTexture::new(vec![uv, uv], Arc::new(Texture::new(picture))));

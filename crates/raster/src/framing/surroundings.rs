@@ -23,7 +23,7 @@ impl<'a> Surroundings<'a> {
     pub fn of(scene: &'a Scene, provenance: &Provenance) -> Self {
         let count = scene.triangle_count();
         let backdrop = match scene {
-            Scene::Mesh(_) => count - (provenance.backdrop as usize).min(count)..count,
+            Scene::Mesh(_) => count - (provenance.backdrop_faces as usize).min(count)..count,
             Scene::Soup(_) => count..count,
         };
         let corners = |triangle: usize| scene.corners(triangle);
@@ -244,7 +244,7 @@ mod tests {
         let ahead = [Vec3::new(-9.0, 0.5, 3.0), Vec3::new(9.0, 0.5, 3.0), Vec3::new(0.0, 9.0, 3.0)];
         let positions = [thing, left, ahead].concat();
         let mesh = Mesh { positions, colors: Colors::Face(vec![[0.5; 3]; 3]), ..Mesh::default() };
-        let provenance = Provenance { backdrop: 2, ..Provenance::default() };
+        let provenance = Provenance { backdrop_faces: 2, ..Provenance::default() };
         let scene = Scene::Mesh(mesh);
         let surroundings = Surroundings::of(&scene, &provenance);
         let room = |way: Vec3| surroundings.room_towards(Vec3::ZERO, way.normalize());

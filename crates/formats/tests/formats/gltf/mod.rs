@@ -132,7 +132,7 @@ fn extras_hold_the_provenance_and_the_encodings() {
             center: [1.0, 2.5, -3.0],
         },
         viewpoint: Some(trisplat_fixtures::VIEWPOINT),
-        backdrop: 0,
+        backdrop_faces: 0,
         exposure: Some([0.5, 0.0, 1.0]),
         cameras: vec![[0.1, -20.5, 3.0, 0.25, -0.5, 0.125, 0.6, 0.4]],
     };

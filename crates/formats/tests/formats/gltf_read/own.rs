@@ -189,7 +189,7 @@ fn the_provenance_comes_back() {
             center: [1.0, 2.5, -3.25],
         },
         viewpoint: Some(trisplat_fixtures::VIEWPOINT),
-        backdrop: 0,
+        backdrop_faces: 0,
         exposure: Some([0.5, 0.0, 1.0]),
         cameras: vec![[0.1, -20.5, 3.0, 0.25, -0.5, 0.125, 0.6, 0.4]],
     };
@@ -290,7 +290,7 @@ fn a_backdrop_is_a_node_of_its_own_and_comes_back_last() {
     ];
     for chunks in cuts {
         let mut asset = soup(9);
-        asset.provenance.backdrop = 2;
+        asset.provenance.backdrop_faces = 2;
         asset.mesh.single_sided = (0..9).map(|face| face >= 7).collect();
         asset.chunks = chunks;
         for (material_name, wants) in [("trisplat", "backdrop"), ("trisplat-vcol", "backdrop-vcol")]
@@ -322,12 +322,12 @@ fn a_backdrop_is_a_node_of_its_own_and_comes_back_last() {
             assert!((0..others).all(|i| json["meshes"][i]["primitives"][0]["material"] == 0));
             if material_name == "trisplat" {
                 let back = read_bytes(&bytes).expect("read back");
-                assert_eq!((back.provenance.backdrop, &mesh(back)), (2, &asset.mesh));
+                assert_eq!((back.provenance.backdrop_faces, &mesh(back)), (2, &asset.mesh));
             }
         }
     }
     let mut across = soup(9);
-    across.provenance.backdrop = 2;
+    across.provenance.backdrop_faces = 2;
     across.chunks = vec![Chunk { first: 0, count: 8 }, Chunk { first: 8, count: 1 }];
     let error =
         write_glb(&mut Vec::new(), Path::new("scene.glb"), &across, &GltfOptions::default());
