@@ -10,7 +10,7 @@ use std::str::FromStr;
 use trisplat_dataset::Background as Color;
 use trisplat_scene::report::Outcome;
 use trisplat_scene::{ImportedScene, Scene};
-use trisplat_teacher::Background;
+use trisplat_teacher::ObjectBackground;
 
 /// Source of the background's colour.
 #[derive(
@@ -124,7 +124,7 @@ pub fn background(
         Err(why) => return Outcome::Skipped(why),
     };
     let cameras = viewpoints(scene).map_or(Vec::new(), |viewpoints| viewpoints.cameras);
-    let Some(background) = Background::of(soup, &cameras, requested) else {
+    let Some(background) = ObjectBackground::of(soup, &cameras, requested) else {
         return Outcome::Skipped("the borders of its pictures have no common colour");
     };
     details.object = true;

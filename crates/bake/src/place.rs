@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use ground::Foreground;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_raster::framing::{Scenery, viewpoint};
+use trisplat_raster::framing::{ViewpointInput, viewpoint};
 use trisplat_scene::camera::{Camera, Viewpoint};
 use trisplat_scene::math::geometry::{bounds, central};
 use trisplat_scene::math::lists::all_finite;
@@ -247,13 +247,13 @@ fn front(mesh: &Mesh, placement: &Placement, cameras: &[Camera]) -> Option<f64> 
     let count = mesh.face_count();
     let up = Vec3::Y;
     let is_single_sided = |face: usize| mesh.is_single_sided(face);
-    let scenery = Scenery {
+    let scenery = ViewpointInput {
         corners: &corners,
         is_single_sided: &is_single_sided,
         count,
         cameras: &cameras,
         up,
-        room: &|_| f32::INFINITY,
+        enclosure_distance: &|_| f32::INFINITY,
     };
     let first = viewpoint(&scenery)?.viewpoint;
     let away = DVec3::from(first.eye) - DVec3::from(first.target);

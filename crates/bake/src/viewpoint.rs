@@ -4,7 +4,7 @@
 //! Runs late, because it needs the final triangles, upright as placed.
 
 use glam::Vec3;
-use trisplat_raster::framing::{Scenery, viewpoint as best_viewpoint};
+use trisplat_raster::framing::{ViewpointInput, viewpoint as best_viewpoint};
 use trisplat_scene::Asset;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::report::Outcome;
@@ -41,20 +41,20 @@ pub(crate) fn viewpoint(
     let room = |from: Vec3| asset.distance_to_backdrop(from);
     let corners = |face: usize| mesh.corners(face);
     let is_single_sided = |face: usize| asset.mesh.is_single_sided(face);
-    let scenery = Scenery {
+    let scenery = ViewpointInput {
         corners: &corners,
         is_single_sided: &is_single_sided,
         count: faces,
         cameras,
         up: Vec3::Y,
-        room: &room,
+        enclosure_distance: &room,
     };
     let chosen = best_viewpoint(&scenery).filter(|chosen| chosen.viewpoint.is_possible());
     let Some(chosen) = chosen else {
         return Outcome::Skipped("there is nothing to be seen");
     };
     details.photo = chosen.photo.map(|photo| photo as u64);
-    details.filled = Some(chosen.filled);
+    details.filled = Some(chosen.coverage);
     asset.provenance.viewpoint = Some(chosen.viewpoint);
     Outcome::Changed(())
 }

@@ -46,7 +46,7 @@ impl Kernel {
         self.name
     }
 
-    /// What it runs.
+    /// Its pipeline.
     pub fn pipeline(&self) -> &ComputePipeline {
         &self.pipeline
     }

@@ -69,20 +69,20 @@ impl AdapterOptions {
     ///
     /// No adapter fits; the message names those that were found.
     pub fn choose(&self, instance: &Instance, surface: Option<&Surface<'_>>) -> Result<Adapter> {
-        let mut found = pollster::block_on(instance.enumerate_adapters(Backends::all()));
-        found.sort_by_key(rank);
-        let names: Vec<String> = found.iter().map(describe).collect();
-        let wanted = self.adapter.as_deref().unwrap_or_default().to_lowercase();
-        let mut named: Vec<Adapter> = found
+        let mut adapters = pollster::block_on(instance.enumerate_adapters(Backends::all()));
+        adapters.sort_by_key(rank);
+        let names: Vec<String> = adapters.iter().map(describe).collect();
+        let name_part = self.adapter.as_deref().unwrap_or_default().to_lowercase();
+        let mut named: Vec<Adapter> = adapters
             .into_iter()
-            .filter(|a| a.get_info().name.to_lowercase().contains(&wanted))
+            .filter(|a| a.get_info().name.to_lowercase().contains(&name_part))
             .collect();
         if named.is_empty() {
             return Err(match names.as_slice() {
                 [] => Error::Gpu(nothing_found(self.graphics_api)),
                 names => Error::invalid(
                     "adapter",
-                    &wanted,
+                    &name_part,
                     format!("part of one of: {}", names.join(", ")),
                 ),
             });
@@ -96,7 +96,7 @@ impl AdapterOptions {
     }
 
     /// The best real card that fits the options: no software, and no OpenGL, whose compute shaders
-    /// differ from driver to driver. Without a card it is silent.
+    /// differ from driver to driver. Prints nothing without a card.
     pub fn find_real(&self) -> Option<Adapter> {
         if !may_have_card() {
             return None;
@@ -107,12 +107,12 @@ impl AdapterOptions {
         descriptor.backends =
             self.graphics_api.map_or(descriptor.backends, GraphicsApi::backends) & modern;
         let backends = descriptor.backends;
-        let wanted = self.adapter.as_deref().unwrap_or_default().to_lowercase();
-        let found = pollster::block_on(Instance::new(descriptor).enumerate_adapters(backends));
-        found
+        let name_part = self.adapter.as_deref().unwrap_or_default().to_lowercase();
+        let adapters = pollster::block_on(Instance::new(descriptor).enumerate_adapters(backends));
+        adapters
             .into_iter()
             .filter(|adapter| is_real(adapter.get_info().device_type))
-            .filter(|adapter| adapter.get_info().name.to_lowercase().contains(&wanted))
+            .filter(|adapter| adapter.get_info().name.to_lowercase().contains(&name_part))
             .min_by_key(rank)
     }
 }
@@ -131,13 +131,13 @@ fn is_real(kind: DeviceType) -> bool {
 }
 
 fn nothing_found(api: Option<GraphicsApi>) -> String {
-    let asked = match api {
+    let failure = match api {
         Some(api) => {
             format!("no graphics card answers through {api:?}; try another `graphics_api`, or")
         }
         None => "no graphics card answers;".to_owned(),
     };
-    format!("{asked} install its driver, or Mesa's software Vulkan (Debian: mesa-vulkan-drivers)")
+    format!("{failure} install its driver, or Mesa's software Vulkan (Debian: mesa-vulkan-drivers)")
 }
 
 /// Rank of an adapter: hardware before software, then the preferred graphics API first.
@@ -160,7 +160,7 @@ fn describe(adapter: &Adapter) -> String {
     format!("{} ({})", info.name, info.backend)
 }
 
-/// Features that are used if the card has them; none is required.
+/// Optional features of a card.
 const OPTIONAL_FEATURES: Features = Features::POLYGON_MODE_LINE;
 
 /// An open graphics card. Its first error is kept until [`Gpu::check`] returns it.

@@ -53,7 +53,7 @@ fn unreadable(gpu: &Gpu, why: &dyn std::fmt::Display) -> Error {
 }
 
 /// Reads the beginning of a buffer at one point of the recorded work, while later work continues.
-/// It is reused: recorded, submitted, taken.
+/// A readback is reused: recorded, submitted, taken.
 #[derive(Debug)]
 pub struct Readback {
     staging: Buffer,
@@ -61,7 +61,7 @@ pub struct Readback {
 }
 
 impl Readback {
-    /// Of `bytes`, a multiple of four.
+    /// A readback of `bytes`, a multiple of four.
     pub fn new(gpu: &Gpu, bytes: u64) -> Self {
         let staging = gpu.device.create_buffer(&BufferDescriptor {
             label: Some("readback"),
@@ -77,7 +77,7 @@ impl Readback {
         encoder.copy_buffer_to_buffer(buffer, 0, &self.staging, 0, self.staging.size());
     }
 
-    /// The copy was submitted.
+    /// Tells that the copy was submitted.
     pub fn submitted(&mut self, submission: SubmissionIndex) {
         let (sender, receiver) = channel();
         self.staging.slice(..).map_async(MapMode::Read, move |result| {
@@ -91,7 +91,7 @@ impl Readback {
     ///
     /// # Errors
     ///
-    /// Those of the card.
+    /// Errors of the card.
     pub fn take<T: AnyBitPattern + NoUninit>(
         &mut self,
         gpu: &Gpu,
@@ -101,7 +101,7 @@ impl Readback {
         if wait {
             gpu.wait(Some(submission.clone()))?;
         } else {
-            // It fails when the wait fails, with a poorer message.
+            // A failed poll has a poorer message than a failed wait.
             let _ = gpu.device.poll(PollType::Poll);
             gpu.check()?;
         }

@@ -6,7 +6,7 @@ use glam::{DVec3, UVec2, Vec3};
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions, Split};
 use trisplat_formats::{self as formats, Content, read_cameras};
-use trisplat_raster::framing::{Surroundings, orbit, up_of};
+use trisplat_raster::framing::{SceneEnclosure, mean_up, orbit};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::{
@@ -282,15 +282,15 @@ fn orbit_cameras(
     };
     // A file that names its up axis knows it better than the photos do.
     let axis = up.unwrap_or_default().vector().as_vec3();
-    let up = if *up == Some(UpAxis::Y) { axis } else { up_of(&cameras, axis) };
-    let surroundings = Surroundings::of(&loaded.scene, &loaded.provenance);
+    let up = if *up == Some(UpAxis::Y) { axis } else { mean_up(&cameras, axis) };
+    let surroundings = SceneEnclosure::of(&loaded.scene, &loaded.provenance);
     let said = viewpoint.filter(|_| dataset.is_none());
     let viewpoint = said.or_else(|| surroundings.viewpoint(&cameras, up));
     let viewpoint = viewpoint.ok_or_else(|| {
         Error::invalid("orbit", job.file.display(), "a scene with triangles that have an extent")
     })?;
     let target = DVec3::from(viewpoint.target).as_vec3();
-    let room = |way: Vec3| surroundings.room_towards(target, way);
+    let room = |way: Vec3| surroundings.distance_along(target, way);
     let cameras =
         orbit(&viewpoint, up, &room, size, count).into_iter().map(|camera| match dataset {
             Some(_) => frames::to_world(&camera, placement, origin),

@@ -1,12 +1,12 @@
 //! The framing of a scene: its subject, its first viewpoint, and the far shell that closes it.
 
+mod enclosure;
 mod subject;
-mod surroundings;
 mod viewpoint;
 
+pub use enclosure::{SceneEnclosure, far_shell, mean_up, ray_triangle_distance};
 pub use subject::Subject;
-pub use surroundings::{Surroundings, far_shell, hit, up_of};
-pub use viewpoint::{Scenery, orbit, viewpoint};
+pub use viewpoint::{ViewpointInput, orbit, viewpoint};
 
 /// A lens of 100 pixels for tests.
 #[cfg(test)]

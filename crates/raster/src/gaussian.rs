@@ -29,13 +29,13 @@ const CENTRES: [f32; LANES] =
 /// Alpha far below the cut-off, where the lanes' exponential is still defined.
 const MIN_POWER: f32 = -64.0;
 
-/// What a camera sees of Gaussians; colours sRGB-encoded, as they were trained. The same bits for
-/// any number of threads.
+/// Draws Gaussians for a camera; colours sRGB-encoded, as they were trained. The same bits for any
+/// number of threads.
 pub fn draw(splats: &Splats, camera: &Camera, options: &GaussianOptions) -> Frame {
     draw_and_weigh(splats, camera, options, None)
 }
 
-/// The same. Adds to `weights` what each Gaussian contributes: its blending weight, summed over the
+/// Draws as [`draw`], and adds to `weights` the blending weight of each Gaussian, summed over the
 /// pixels. `[N]`
 pub fn draw_and_weigh(
     splats: &Splats,
@@ -63,9 +63,16 @@ pub fn draw_and_weigh(
             let corner = UVec2::new(tile as u32, row as u32) * TILE;
             let width = (size.x - corner.x).min(TILE) as usize;
             let entries = of_row.of(tile);
-            dispatch(DrawTile { ellipses, entries, corner: corner.as_vec2(), width, height, weigh })
+            dispatch(DrawGaussianTile {
+                ellipses,
+                entries,
+                corner: corner.as_vec2(),
+                width,
+                height,
+                weigh,
+            })
         };
-        let tiles: Vec<TilePixels> = parallel::map((0..rows.count.x).map(|_| ()), draw);
+        let tiles: Vec<GaussianTilePixels> = parallel::map((0..rows.count.x).map(|_| ()), draw);
         for (line, (rgb, transmittance)) in rgb
             .chunks_mut(size.x as usize)
             .zip(transmittance.chunks_mut(size.x as usize))
@@ -79,7 +86,7 @@ pub fn draw_and_weigh(
                     .map(|c| transmittance.mul_add(options.background[c], tile.rgb[c][line][lane]));
             }
         }
-        let of_tile = |(i, tile): (usize, &TilePixels)| {
+        let of_tile = |(i, tile): (usize, &GaussianTilePixels)| {
             let sums = of_row.of(i).iter().zip(&tile.weights);
             sums.map(|(entry, sum)| (ellipses[*entry as usize].gaussian, *sum)).collect::<Vec<_>>()
         };
@@ -88,21 +95,23 @@ pub fn draw_and_weigh(
     let sums: Vec<Vec<(u32, f32)>> = parallel::map(bands, draw_row);
     if let Some(weights) = weights {
         // In the order of tiles, for the same bits with any number of threads.
-        sums.into_iter().flatten().for_each(|(gaussian, sum)| weights[gaussian as usize] += sum);
+        for (gaussian, sum) in sums.into_iter().flatten() {
+            weights[gaussian as usize] += sum;
+        }
     }
     frame
 }
 
 /// The pixels of a tile, line by line.
-struct TilePixels {
+struct GaussianTilePixels {
     transmittance: [[f32; LANES]; LINES],
     rgb: [[[f32; LANES]; LINES]; 3],
     /// Sums of the blending weights of the entries; empty unless asked for.
     weights: Vec<f32>,
 }
 
-/// One tile.
-struct DrawTile<'a> {
+/// Draws one tile.
+struct DrawGaussianTile<'a> {
     ellipses: &'a [Ellipse],
     /// Front to back.
     entries: &'a [u32],
@@ -110,16 +119,16 @@ struct DrawTile<'a> {
     /// The part of the tile that lies in the picture.
     width: usize,
     height: usize,
-    /// Whether to sum the entries' weights.
+    /// Sum the entries' weights.
     weigh: bool,
 }
 
-impl Work for DrawTile<'_> {
-    type Output = TilePixels;
+impl Work for DrawGaussianTile<'_> {
+    type Output = GaussianTilePixels;
 
     #[inline(always)]
-    fn run<L: Lanes>(self) -> TilePixels {
-        let mut pixels = TilePixels {
+    fn run<L: Lanes>(self) -> GaussianTilePixels {
+        let mut pixels = GaussianTilePixels {
             transmittance: [[0.0; LANES]; LINES],
             rgb: [[[0.0; LANES]; LINES]; 3],
             weights: vec![0.0; if self.weigh { self.entries.len() } else { 0 }],
@@ -144,11 +153,16 @@ impl Work for DrawTile<'_> {
     }
 }
 
-impl DrawTile<'_> {
+impl DrawGaussianTile<'_> {
     /// Adds one ellipse to the lines that have not ended. Returns the sum of its weights if it is
     /// asked for.
     #[inline(always)]
-    fn blend<L: Lanes>(&self, ellipse: &Ellipse, pixels: &mut TilePixels, alive: &mut u32) -> f32 {
+    fn blend<L: Lanes>(
+        &self,
+        ellipse: &Ellipse,
+        pixels: &mut GaussianTilePixels,
+        alive: &mut u32,
+    ) -> f32 {
         let offset = self.corner - ellipse.middle;
         let half = ellipse.half_height();
         // Lines whose pixel centres lie within the height; more are harmless, because each pixel is

@@ -9,8 +9,8 @@ mod frame;
 mod gather;
 mod layers;
 mod project;
+pub(crate) mod projected;
 mod slots;
-pub(crate) mod splats;
 mod tiles;
 
 pub use frame::{Frame, FrameGrad, SoftOptions, Sort, SoupGrad, SoupRef, Window};
@@ -21,8 +21,8 @@ pub use tiles::{MARGIN, TILE, tile_count};
 use forward::Slab;
 use gather::PairGrads;
 use glam::UVec2;
+use projected::{ProjectedScene, ProjectedTriangles, ScreenBox};
 use slots::{GradSlots, WeightSlot};
-use splats::{Projection, ScreenBox, Splats};
 use std::ops::Range;
 use tiles::{KeptPairs, OpenTiles, TileGeometry, TilePixels, Tiles};
 use trisplat_scene::camera::Camera;
@@ -31,13 +31,13 @@ use trisplat_scene::parallel;
 /// The rasteriser: scratch memory that is reused from frame to frame.
 #[derive(Debug, Default)]
 pub struct SoftRasterizer {
-    projection: Projection,
+    projection: ProjectedScene,
     tiles: Tiles,
     pixels: Vec<TilePixels>,
     slots: GradSlots,
     weights: Vec<WeightSlot>,
     frame: Frame,
-    /// Maximum number of pairs of splats and tiles drawn at once, where tests set fewer than usual.
+    /// Maximum number of pairs of splats and tiles drawn at once, if tests set fewer.
     pairs_per_slab: Option<u64>,
 }
 
@@ -52,8 +52,8 @@ impl SoftRasterizer {
         self.render_counting(soup, camera, options, None)
     }
 
-    /// The same picture; only `counted` pixels add to the importance of triangles, all if there is
-    /// none.
+    /// Draws as [`render`](Self::render); only `counted` pixels add to the importance of triangles,
+    /// all pixels if it is `None`.
     pub fn render_counting(
         &mut self,
         soup: &SoupRef,
@@ -69,7 +69,8 @@ impl SoftRasterizer {
         if needs_slabs(splats, size, options, pairs) {
             self.draw_slabs(size, options, counted, pairs);
         } else {
-            let Self { projection: Projection { splats, .. }, tiles, pixels, weights, .. } = self;
+            let Self { projection: ProjectedScene { splats, .. }, tiles, pixels, weights, .. } =
+                self;
             tiles.bin(splats, 0..splats.records.len(), size, options.window, None);
             forward::draw(splats, tiles, Slab::Whole, pixels, weights, options, counted);
         }
@@ -113,10 +114,10 @@ fn assemble(frame: &mut Frame, pixels: &[TilePixels], tiles: &Tiles, options: &S
     frame.size = size;
     frame.rgb.resize(count, [0.0; 3]);
     frame.transmittance.resize(count, 0.0);
-    let wanted = if options.geometry { count } else { 0 };
-    frame.normal.resize(wanted, [0.0; 3]);
+    let geometry_count = if options.geometry { count } else { 0 };
+    frame.normal.resize(geometry_count, [0.0; 3]);
     for values in [&mut frame.depth, &mut frame.median_depth, &mut frame.distortion] {
-        values.resize(wanted, 0.0);
+        values.resize(geometry_count, 0.0);
     }
     fill(&mut frame.rgb, pixels, tiles, |t, b, l| t.rgb.each_ref().map(|channel| channel[b][l]));
     fill(&mut frame.transmittance, pixels, tiles, |t, b, l| t.transmittance[b][l]);
@@ -161,8 +162,13 @@ fn fill<T: Send>(
 /// Maximum number of pairs of a slab; each takes 20 bytes while it is drawn.
 const PAIRS_PER_SLAB: u64 = 1 << 24;
 
-/// Whether a frame needs slabs. With an order per pixel all layers must be in one list.
-fn needs_slabs(splats: &Splats, size: UVec2, options: &SoftOptions, pairs: u64) -> bool {
+/// True for a frame that needs slabs. With an order per pixel all layers must be in one list.
+fn needs_slabs(
+    splats: &ProjectedTriangles,
+    size: UVec2,
+    options: &SoftOptions,
+    pairs: u64,
+) -> bool {
     let [width, height] = size.as_vec2().to_array();
     // More tiles than the box can touch; rounded down, as whole numbers are summed faster.
     let tiles =
@@ -173,7 +179,12 @@ fn needs_slabs(splats: &Splats, size: UVec2, options: &SoftOptions, pairs: u64) 
 }
 
 /// The next splats whose pairs with open tiles fit in a slab; at least one splat.
-fn next_slab(splats: &Splats, from: usize, open: &OpenTiles, pairs: u64) -> Range<usize> {
+fn next_slab(
+    splats: &ProjectedTriangles,
+    from: usize,
+    open: &OpenTiles,
+    pairs: u64,
+) -> Range<usize> {
     let mut sum = 0;
     let fit = splats.bounds[from..].iter().take_while(|bounds| {
         sum += u64::from(open.count(bounds));
@@ -192,16 +203,16 @@ impl SoftRasterizer {
         counted: Option<CountedPixels<'_>>,
         pairs: u64,
     ) {
-        let Self { projection: Projection { splats, .. }, tiles, pixels, weights, .. } = self;
+        let Self { projection: ProjectedScene { splats, .. }, tiles, pixels, weights, .. } = self;
         let mut open = OpenTiles::all(size);
         let mut kept = KeptPairs::default();
         let mut kept_weights = Vec::new();
         let mut drawn = 0;
         while drawn < splats.records.len() && (drawn == 0 || open.any()) {
-            let some = next_slab(splats, drawn, &open, pairs);
+            let range = next_slab(splats, drawn, &open, pairs);
             let slab = if drawn == 0 { Slab::First } else { Slab::Next };
-            drawn = some.end;
-            tiles.bin(splats, some, size, options.window, Some(&open));
+            drawn = range.end;
+            tiles.bin(splats, range, size, options.window, Some(&open));
             forward::draw(splats, tiles, slab, pixels, weights, options, counted);
             open.close(pixels);
             kept.add(tiles, |entry| kept_weights.extend(weights.get(entry)));
@@ -296,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_hidden_takes_no_memory() {
+    fn hidden_splats_take_no_memory() {
         let mut soup = soup(1);
         let flat =
             |z: f32| [Vec3::new(-9.0, -9.0, z), Vec3::new(9.0, -9.0, z), Vec3::new(0.0, 18.0, z)];

@@ -46,7 +46,7 @@ use trisplat_scene::{Error, Result, parallel};
 /// sample.
 const MAX_SAMPLES: u32 = 1 << 15;
 
-/// How to draw.
+/// Drawing options.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolidRasterOptions {
     /// Colour behind everything, sRGB-encoded.
@@ -89,7 +89,7 @@ const PAIRS_PER_ROUND: usize = 1 << 24;
 pub struct SolidRasterizer {
     batches: Vec<Batch>,
     visibility: Visibility,
-    /// Maximum number of pairs of triangles and tiles in the bins at once, where tests set fewer than usual.
+    /// Maximum number of pairs of triangles and tiles in the bins at once, if tests set fewer.
     pairs_per_round: Option<usize>,
 }
 
@@ -116,7 +116,7 @@ impl SolidRasterizer {
         let tiles =
             split_tiles(&mut rgb, size.x as usize, TILE_WIDTH / samples, TILE_HEIGHT / samples);
         let background = options.background.map(linear_from_srgb);
-        Faces::new(self, mesh, projector, (1, None)).for_each_tile(
+        BinnedFaces::new(self, mesh, projector, (1, None)).for_each_tile(
             tiles,
             |place, keys, mut rows| {
                 let corner = [place.x * TILE_WIDTH as u32, place.y * TILE_HEIGHT as u32];
@@ -150,7 +150,7 @@ impl SolidRasterizer {
         let seen = split_tiles(&mut out.face, width, TILE_WIDTH, TILE_HEIGHT);
         let depths = split_tiles(&mut out.depth, width, TILE_WIDTH, TILE_HEIGHT);
         let tiles = seen.into_iter().zip(depths).collect();
-        Faces::new(self, mesh, &projector, (1, None)).for_each_tile(
+        BinnedFaces::new(self, mesh, &projector, (1, None)).for_each_tile(
             tiles,
             |_, keys, (seen, depths)| {
                 for ((faces, depths), keys) in
@@ -179,7 +179,7 @@ impl SolidRasterizer {
     ) {
         let projector = Projector::new(camera, options.samples, options.near);
         let tiles = vec![(); tile_count(projector.size).element_product() as usize];
-        let faces = Faces::new(self, mesh, &projector, (planes, Some(plane_of)));
+        let faces = BinnedFaces::new(self, mesh, &projector, (planes, Some(plane_of)));
         faces.for_each_tile(tiles, |place, keys, ()| {
             let corner = place * UVec2::new(TILE_WIDTH as u32, TILE_HEIGHT as u32);
             on_tile(&PlaneTile { keys, corner, size: tile_size(projector.size, place) });
@@ -188,7 +188,7 @@ impl SolidRasterizer {
 }
 
 /// The faces of a mesh, ready for the tiles.
-struct Faces<'a> {
+struct BinnedFaces<'a> {
     /// With all faces in the bins, unless the tiles are filled.
     batches: &'a [Batch],
     /// The keys of all tiles; empty if all faces fit in the bins at once. `[tiles * planes]`
@@ -199,7 +199,7 @@ struct Faces<'a> {
     size: UVec2,
 }
 
-impl<'a> Faces<'a> {
+impl<'a> BinnedFaces<'a> {
     /// Bins the faces of a mesh; if these are too many for one round, draws those in the bins into
     /// the keys of all tiles.
     fn new(
@@ -242,7 +242,9 @@ impl<'a> Faces<'a> {
             || vec![EMPTY; *planes],
             |keys, tile, part| {
                 let keys = if filled.is_empty() {
-                    keys.iter_mut().for_each(|keys| keys.fill(0));
+                    for keys in keys.iter_mut() {
+                        keys.fill(0);
+                    }
                     dispatch(FillTile { keys, batches, plane_of: *plane_of, tile, size: *size });
                     &keys[..]
                 } else {
@@ -362,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_hidden_takes_no_memory() {
+    fn hidden_faces_take_no_memory() {
         let flat = |z: f32| {
             [Vec3::new(-30.0, -30.0, z), Vec3::new(30.0, -30.0, z), Vec3::new(0.0, 60.0, z)]
         };

@@ -1,5 +1,4 @@
-//! Draws a scene as it was trained, and tells its background and the triangles that show nothing
-//! but it.
+//! Draws a scene as it was trained, and finds its background and the triangles that show only it.
 //!
 //! On a black background, training leaves black triangles around the object. They change no picture
 //! of the training, but every picture on another background. The borders of the scene's own
@@ -21,17 +20,17 @@ use trisplat_scene::{Error, ImportedScene, Result, SceneNormalization, Soup, fra
 /// Largest coordinate of a drawn triangle.
 const REACH: f32 = 1e15;
 
-/// Cover of a pixel that counts as none; without as much, it counts as covered.
+/// Cover of a pixel that counts as 0; 1 minus it counts as 1.
 const HAZE: f32 = 0.2;
 
-/// The least alpha with which a colour over the one `behind` it can be seen as `over`.
-fn least_alpha(over: &[f32; 3], behind: &[f32; 3]) -> f32 {
-    let least = |(over, behind): (&f32, &f32)| match over - behind {
+/// Minimum alpha of a colour that looks like `over` on the colour `behind` it.
+fn min_alpha(over: &[f32; 3], behind: &[f32; 3]) -> f32 {
+    let channel_alpha = |(over, behind): (&f32, &f32)| match over - behind {
         more if more > 0.0 => more / (1.0 - behind),
         less if less < 0.0 => less / -behind,
         _ => 0.0,
     };
-    over.iter().zip(behind).map(least).fold(0.0, f32::max).min(1.0)
+    over.iter().zip(behind).map(channel_alpha).fold(0.0, f32::max).min(1.0)
 }
 
 /// True for a triangle that is near enough to be drawn.
@@ -89,7 +88,7 @@ impl Teacher {
             let over = [0, 1, 2].map(|c| (rgb[c] + through * (behind[c] - own[c])).clamp(0.0, 1.0));
             // A soft scene leaks a little where it is opaque, and has a haze where it is empty.
             let clear = ((1.0 - through - HAZE) / (1.0 - 2.0 * HAZE)).clamp(0.0, 1.0);
-            let alpha = least_alpha(&over, &behind).max(clear);
+            let alpha = min_alpha(&over, &behind).max(clear);
             ([0, 1, 2].map(|c| over[c] - (1.0 - alpha) * behind[c]), alpha)
         });
         let (rgb, alpha): (Vec<[f32; 3]>, Vec<f32>) = pixels.unzip();
@@ -117,39 +116,41 @@ impl Teacher {
             let d_rgb = vec![[0.0; 3]; values.len()];
             let values = FrameGrad { d_rgb, error: values.clone(), ..FrameGrad::default() };
             self.soft.backward(&soup, &camera, &options, &values, &mut of_picture);
-            sums.iter_mut().zip(&of_picture.error).for_each(|(sum, value)| *sum += value);
+            for (sum, value) in sums.iter_mut().zip(&of_picture.error) {
+                *sum += value;
+            }
         }
         let share = |(sum, weight): (&f32, &f32)| if *weight > 0.0 { sum / weight } else { 1.0 };
         sums.iter().zip(&weights.sum_weight).map(share).collect()
     }
 }
 
-/// Maximum number of pictures that are compared, and their longer side, px.
+/// Maximum number of compared pictures.
 const MAX_PICTURES: usize = 48;
-/// Every sixth of them tells by its border whether there is a background: most scenes have none.
+/// One picture in this many has its border tested for a background: most scenes have none.
 const BORDER_EVERY: usize = 6;
+/// Longer side of the pictures, px.
 const SIDE: u32 = 240;
-/// A pixel shows the background when no channel differs more.
+/// Largest difference of a channel from the background in a pixel that shows it.
 const TOLERANCE: f32 = 4.0 / 255.0;
 /// Minimum share of the pixels at the borders that show the background: objects reach over some.
 const MIN_UNIFORM: f64 = 0.9;
 /// Minimum cover of a pixel whose triangles show the colour of the background.
 const MIN_COVER: f32 = 0.1;
-/// A triangle belongs to the object when at least this share of what cameras see of it shows the
-/// object.
+/// Minimum share of a triangle's visible area that shows the object, for a triangle of the object.
 const MIN_OBJECT: f32 = 0.5;
 
-/// What is behind the object of a scene.
+/// Background of the object of a scene.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Background {
+pub struct ObjectBackground {
     /// Its colour, sRGB-encoded; `None` where nothing but the object is in view.
     pub rgb: Option<[f32; 3]>,
     /// False for triangles that show only that colour. `[N]`
     pub is_object: Vec<bool>,
 }
 
-impl Background {
-    /// The background of `soup`, as `cameras` see it; a `given` colour overrules the pictures.
+impl ObjectBackground {
+    /// The background of `soup` for `cameras`; a `given` colour overrules the pictures.
     /// `None` where the borders of the pictures have no common colour, as in a scene that fills
     /// them.
     pub fn of(soup: &Soup, cameras: &[Camera], given: Option<[f32; 3]>) -> Option<Self> {
@@ -160,18 +161,17 @@ impl Background {
         let rgb = match given {
             Some(rgb) => Some(rgb),
             None => {
-                let few: Vec<Camera> = cameras.iter().step_by(BORDER_EVERY).copied().collect();
-                background(&border(&part, &few))?
+                let sampled: Vec<Camera> = cameras.iter().step_by(BORDER_EVERY).copied().collect();
+                background(&border(&part, &sampled))?
             }
         };
         let mut is_object = vec![true; soup.len()];
         if let Some(rgb) = rgb {
-            let found = objects(&part, &cameras, rgb);
+            let of_part = objects(&part, &cameras, rgb);
             // No camera sees all of the shell, which stands for the background wherever it is.
-            drawn
-                .iter()
-                .zip(found)
-                .for_each(|(i, object)| is_object[*i] = object && !soup.is_shell(*i));
+            for (i, object) in drawn.iter().zip(of_part) {
+                is_object[*i] = object && !soup.is_shell(*i);
+            }
         }
         Some(Self { rgb, is_object })
     }
@@ -199,7 +199,7 @@ fn border(soup: &Soup, cameras: &[Camera]) -> Vec<([f32; 3], f32)> {
 /// `Some(None)` for any colour, because no triangle at the border has that of a background.
 fn background(pixels: &[([f32; 3], f32)]) -> Option<Option<[f32; 3]>> {
     let covered = || pixels.iter().filter(|(_, cover)| *cover > MIN_COVER);
-    let middle = [0, 1, 2].map(|c| {
+    let median_color = [0, 1, 2].map(|c| {
         let channel = covered().map(|(rgb, cover)| rgb[c] / cover).collect();
         median(channel, f32::total_cmp).unwrap_or(0.0)
     });
@@ -207,8 +207,8 @@ fn background(pixels: &[([f32; 3], f32)]) -> Option<Option<[f32; 3]>> {
         let over = [0, 1, 2].map(|c| rgb[c] + (1.0 - cover) * behind[c]);
         !differ(&over, behind)
     };
-    // Where only a part of the object reaches the border, the middle is its colour.
-    let candidates = [middle, [0.0; 3], [1.0; 3]].map(|behind| {
+    // If only a part of the object reaches the border, the median is its colour.
+    let candidates = [median_color, [0.0; 3], [1.0; 3]].map(|behind| {
         let all = pixels.iter().filter(|pixel| shows(pixel, &behind)).count();
         (covered().filter(|pixel| shows(pixel, &behind)).count(), all, behind)
     });
@@ -218,7 +218,7 @@ fn background(pixels: &[([f32; 3], f32)]) -> Option<Option<[f32; 3]>> {
     is_uniform.then_some((showing > 0).then_some(behind))
 }
 
-/// Which triangles of `soup` show an object before a background of this colour. `[N]`
+/// Flags the triangles of `soup` that show an object before a background of this colour. `[N]`
 fn objects(soup: &Soup, cameras: &[Camera], rgb: [f32; 3]) -> Vec<bool> {
     let options = SoftOptions { background: rgb, ..SoftOptions::default() };
     let mut whole = Teacher::new(soup.clone(), cameras, &options);
@@ -233,10 +233,9 @@ fn objects(soup: &Soup, cameras: &[Camera], rgb: [f32; 3]) -> Vec<bool> {
     let mut without = Teacher::new(soup.subset(&kept), cameras, &options);
     for ((camera, picture), shows) in cameras.iter().zip(&pictures).zip(&mut shows) {
         let pixels = without.frame(camera).rgb.iter().zip(picture);
-        shows
-            .iter_mut()
-            .zip(pixels)
-            .for_each(|(shows, (now, before))| *shows = shows.max(differ(now, before).into()));
+        for (shows, (now, before)) in shows.iter_mut().zip(pixels) {
+            *shows = shows.max(differ(now, before).into());
+        }
     }
     whole.shares(cameras, &shows).into_iter().map(|share| share >= MIN_OBJECT).collect()
 }

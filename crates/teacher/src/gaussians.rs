@@ -9,37 +9,38 @@ use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::lists::evenly_spaced;
 use trisplat_scene::{Soup, Splats};
 
-/// A viewpoint sees a Gaussian that contributes this much to its picture, px.
-const MIN_SEEN_PX: f32 = 0.5;
-/// One viewpoint in this many must see a Gaussian that becomes a triangle, ...
-const SEEN_BY_ONE_IN: usize = 50;
-/// ... and at least this many, unless there are fewer.
+/// Minimum contribution of a Gaussian to a picture that shows it, px.
+const MIN_CONTRIBUTION_PX: f32 = 0.5;
+/// One viewpoint in this many must show a Gaussian that becomes a triangle.
+const VIEWPOINTS_PER_SHOWING: usize = 50;
+/// Minimum number of viewpoints that show it, unless there are fewer.
 const MIN_VIEWPOINTS: usize = 2;
 
-/// A pixel covered to this share of 255 is covered.
+/// Minimum cover of a closed pixel, of 255.
 const CLOSED: u8 = 240;
 
 /// Minimum covered share of the pictures of surroundings.
-const SURROUNDED: f32 = 0.9;
-/// Small pictures that tell, and their longer side, px.
+const MIN_SURROUNDINGS_COVER: f32 = 0.9;
+/// Number of small pictures that decide it.
 const LOOKS: usize = 12;
+/// Longer side of these pictures, px.
 const LOOK_SIDE: u32 = 96;
 
-/// Draws Gaussians for many cameras, and sums what each of them contributes.
+/// Draws Gaussians for many cameras, and sums the contribution of each.
 #[derive(Debug)]
 pub struct GaussianTeacher<'a> {
     splats: &'a Splats,
     options: GaussianOptions,
-    /// Of the present picture. `[N]`
+    /// Contribution to the present picture. `[N]`
     weights: Vec<f32>,
-    /// Over all pictures. `[N]`
+    /// Contribution to all pictures. `[N]`
     sums: Vec<f32>,
-    /// Viewpoints that see it. `[N]`
-    seen: Vec<u32>,
+    /// Number of viewpoints that show it. `[N]`
+    showings: Vec<u32>,
     pictures: usize,
     /// Pixels that are covered, and all pixels.
     pixels: [f64; 2],
-    /// Pictures are opaque, because what is open is a gap and no background.
+    /// Pictures are opaque: open pixels are gaps and no background.
     is_surrounded: bool,
 }
 
@@ -50,9 +51,18 @@ impl<'a> GaussianTeacher<'a> {
         let options = GaussianOptions::suited_to(splats, [0.0; 3]);
         let weights = vec![0.0; n];
         let sums = vec![0.0; n];
-        let seen = vec![0; n];
+        let showings = vec![0; n];
         let is_surrounded = shows_surroundings(splats, &options, cameras);
-        Self { splats, options, weights, sums, seen, pictures: 0, pixels: [0.0; 2], is_surrounded }
+        Self {
+            splats,
+            options,
+            weights,
+            sums,
+            showings,
+            pictures: 0,
+            pixels: [0.0; 2],
+            is_surrounded,
+        }
     }
 
     /// The picture of `camera`. Surroundings have their gaps closed. An object is over black, with
@@ -62,9 +72,11 @@ impl<'a> GaussianTeacher<'a> {
         let frame =
             gaussian::draw_and_weigh(self.splats, camera, &self.options, Some(&mut self.weights));
         self.pictures += 1;
-        for ((sum, seen), weight) in self.sums.iter_mut().zip(&mut self.seen).zip(&self.weights) {
+        for ((sum, showings), weight) in
+            self.sums.iter_mut().zip(&mut self.showings).zip(&self.weights)
+        {
             *sum += weight;
-            *seen += u32::from(*weight >= MIN_SEEN_PX);
+            *showings += u32::from(*weight >= MIN_CONTRIBUTION_PX);
         }
         if self.is_surrounded {
             self.count(
@@ -75,7 +87,9 @@ impl<'a> GaussianTeacher<'a> {
         }
         let mut picture = frame.to_cut_pixels();
         // Between many faint layers a little of the background is always left; there is no gap.
-        picture.alpha.iter_mut().flatten().filter(|a| **a >= CLOSED).for_each(|a| *a = u8::MAX);
+        for alpha in picture.alpha.iter_mut().flatten().filter(|a| **a >= CLOSED) {
+            *alpha = u8::MAX;
+        }
         let open: f64 = picture.alpha.iter().flatten().map(|a| 1.0 - f64::from(*a) / 255.0).sum();
         self.count(open, picture.rgb.len());
         picture
@@ -95,15 +109,16 @@ impl<'a> GaussianTeacher<'a> {
         self.pixels[0] / self.pixels[1].max(1.0)
     }
 
-    /// Triangles in place of the `most` Gaussians that contribute most to the pictures so far:
+    /// Triangles in place of the `count` Gaussians that contribute most to the pictures so far:
     /// opacity times visible area, over all viewpoints. Gaussians that very few viewpoints see
     /// float in front of one of them, and are left out.
-    pub fn first_triangles(&self, most: usize) -> Soup {
-        let least = (self.pictures / SEEN_BY_ONE_IN).max(MIN_VIEWPOINTS.min(self.pictures));
+    pub fn first_triangles(&self, count: usize) -> Soup {
+        let min_showings =
+            (self.pictures / VIEWPOINTS_PER_SHOWING).max(MIN_VIEWPOINTS.min(self.pictures));
         let mut chosen: Vec<usize> =
-            (0..self.splats.len()).filter(|i| self.seen[*i] as usize >= least).collect();
+            (0..self.splats.len()).filter(|i| self.showings[*i] as usize >= min_showings).collect();
         chosen.sort_by(|a, b| self.sums[*b].total_cmp(&self.sums[*a]).then(a.cmp(b)));
-        chosen.truncate(most);
+        chosen.truncate(count);
         chosen.sort_unstable();
         self.splats.to_soup(chosen)
     }
@@ -116,11 +131,11 @@ fn shows_surroundings(splats: &Splats, options: &GaussianOptions, cameras: &[Cam
     let (open, all) = frames.fold((0.0, 0), |(open, all), frame| {
         (open + frame.transmittance.iter().sum::<f32>(), all + frame.rgb.len())
     });
-    all > 0 && open < (1.0 - SURROUNDED) * all as f32
+    all > 0 && open < (1.0 - MIN_SURROUNDINGS_COVER) * all as f32
 }
 
-/// The picture of `frame`, drawn over black, with its gaps closed: what is seen through a pixel is
-/// the mean of what is around it (pull-push, Gortler et al. 1996).
+/// The picture of `frame`, drawn over black, with its gaps closed: the colour behind a pixel is the
+/// mean of the colours around it (pull-push, Gortler et al. 1996).
 pub(super) fn filled(frame: &Frame) -> RgbImage {
     RgbImage::from_rgb(frame.size, &closed(frame.size, &frame.rgb, &frame.transmittance))
 }
@@ -140,7 +155,9 @@ fn closed(size: UVec2, rgb: &[[f32; 3]], open: &[f32]) -> Vec<[f32; 3]> {
     let mut sums = vec![[0.0; 5]; coarse.element_product() as usize];
     for (i, ([r, g, b], open)) in rgb.iter().zip(open).enumerate() {
         let sum = &mut sums[cell(i)];
-        sum.iter_mut().zip([*r, *g, *b, *open, 1.0]).for_each(|(sum, value)| *sum += value);
+        for (sum, value) in sum.iter_mut().zip([*r, *g, *b, *open, 1.0]) {
+            *sum += value;
+        }
     }
     let colors: Vec<[f32; 3]> = sums.iter().map(|[r, g, b, _, n]| [r / n, g / n, b / n]).collect();
     let gaps: Vec<f32> = sums.iter().map(|[.., open, n]| open / n).collect();
@@ -157,7 +174,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_gap_has_the_colour_of_what_is_around_it() {
+    fn a_gap_has_the_colour_of_the_pixels_around_it() {
         let size = UVec2::new(13, 7);
         let open: Vec<f32> =
             (0..91).map(|i| if (30..34).contains(&i) { 1.0 } else { 0.25 }).collect();

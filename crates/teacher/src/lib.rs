@@ -11,6 +11,6 @@ mod splat_views;
 mod survey;
 mod viewpoints;
 
-pub use drawing::{Background, Teacher, beside, dataset, drawn_beside, drawn_for};
+pub use drawing::{ObjectBackground, Teacher, beside, dataset, drawn_beside, drawn_for};
 pub use gaussians::GaussianTeacher;
 pub use viewpoints::{ViewpointKind, Viewpoints, between};

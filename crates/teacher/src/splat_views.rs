@@ -3,7 +3,7 @@
 //!
 //! A long object looked at from around the middle of its Gaussians is a few pixels wide: edges and
 //! strings then blur over their surroundings, and no triangle can be finer. So every picture of an
-//! object is cut to what is seen, and is as large as allowed.
+//! object is cropped to its visible part, and is as large as allowed.
 //!
 //! Gaussians of a place are small and their depths agree where photos were taken from; seen from
 //! elsewhere they are large, blurred and full of gaps. So places are tried, the best of them are
@@ -23,13 +23,13 @@ const AWAY: [f32; 2] = [1.8, 3.0];
 const OUTSIDE: f32 = 0.005;
 /// Minimum opacity of a Gaussian that tells where the object is.
 const MIN_OPACITY: f32 = 0.1;
-/// How far a lone Gaussian is seen, in standard deviations.
+/// Visible radius of a lone Gaussian, in standard deviations.
 const REACH: f32 = 3.0;
-/// Width and height of the pictures that tell what is seen, px.
+/// Width and height of the pictures that find the visible part, px.
 const WIDE_SIDE: u32 = 160;
-/// Share of what is seen that may be cut off on each side: floaters are.
+/// Share of the visible part that is cropped on each side, for floaters.
 const CUT_OFF: f32 = 5e-4;
-/// What is left around it, as a share of the longer side.
+/// Margin around the visible part, as a share of its longer side.
 const MARGIN: f32 = 0.03;
 /// Minimum visible share of a picture.
 const MIN_SHOWN: f32 = 1e-4;
@@ -45,7 +45,7 @@ pub(super) fn around(splats: &Splats, up: Vec3, count: usize, longer_px: u32) ->
         let wide =
             camera(middle + direction(i, count) * (away * radius), middle, up, fov, WIDE_SIDE);
         let frame = gaussian::draw(splats, &wide, &options);
-        filled(&wide, &frame.transmittance, longer_px)
+        cropped_camera(&wide, &frame.transmittance, longer_px)
     };
     (0..count).filter_map(place).collect()
 }
@@ -74,19 +74,19 @@ fn extent(splats: &Splats) -> Option<(Vec3, f32)> {
 
 /// The part of the picture of `wide`, open to `transmittance`, that shows something, `longer_px`
 /// long; `None` where it shows nothing.
-fn filled(wide: &Camera, transmittance: &[f32], longer_px: u32) -> Option<Camera> {
+fn cropped_camera(wide: &Camera, transmittance: &[f32], longer_px: u32) -> Option<Camera> {
     let side = wide.size.x as usize;
     let cover = |i: usize| 1.0 - transmittance[i];
     let columns: Vec<f32> =
         (0..side).map(|x| (0..side).map(|y| cover(y * side + x)).sum()).collect();
     let rows: Vec<f32> = (0..side).map(|y| (0..side).map(|x| cover(y * side + x)).sum()).collect();
-    let seen: f32 = rows.iter().sum();
-    if !(seen >= MIN_SHOWN * transmittance.len() as f32) {
+    let covered: f32 = rows.iter().sum();
+    if !(covered >= MIN_SHOWN * transmittance.len() as f32) {
         return None;
     }
-    let least = CUT_OFF * seen;
-    let [left, right] = range(&columns, least);
-    let [top, bottom] = range(&rows, least);
+    let cropped = CUT_OFF * covered;
+    let [left, right] = range(&columns, cropped);
+    let [top, bottom] = range(&rows, cropped);
     let margin = 1.0 + MARGIN * (right - left).max(bottom - top);
     let low = Vec2::new(left, top) - margin;
     let high = Vec2::new(right, bottom) + margin;
@@ -95,14 +95,14 @@ fn filled(wide: &Camera, transmittance: &[f32], longer_px: u32) -> Option<Camera
     Some(Camera { focal: wide.focal * scale, center: (wide.center - low) * scale, size, ..*wide })
 }
 
-/// From where to where `sums` hold all but `least` on each side.
-fn range(sums: &[f32], least: f32) -> [f32; 2] {
-    [ahead(sums.iter(), least), sums.len() as f32 - ahead(sums.iter().rev(), least)]
+/// First and last place of `sums` with all but `cropped` on each side.
+fn range(sums: &[f32], cropped: f32) -> [f32; 2] {
+    [leading(sums.iter(), cropped), sums.len() as f32 - leading(sums.iter().rev(), cropped)]
 }
 
-/// How many of `sums` come to at most `least` together.
-fn ahead<'a>(sums: impl Iterator<Item = &'a f32>, least: f32) -> f32 {
-    let mut left = least;
+/// Number of first `sums` that come to at most `limit` together.
+fn leading<'a>(sums: impl Iterator<Item = &'a f32>, limit: f32) -> f32 {
+    let mut left = limit;
     let within = sums.take_while(|sum| {
         left -= **sum;
         left >= 0.0
@@ -116,62 +116,62 @@ const FOV: f32 = 50.0;
 const SIDE: u32 = 32;
 /// Maximum number of Gaussians in these pictures.
 const MAX_SAMPLES: usize = 100_000;
-/// Places that are tried, and the best of them, which are improved.
-const TRIED: usize = 600;
+/// Number of first trial places.
+const MAX_TRIALS: usize = 600;
+/// Number of the best of these, which are improved.
 const IMPROVED: usize = 160;
-/// Rounds of improvement, and the farthest step of the first, as a share of the distance to what is
-/// looked at.
+/// Rounds of improvement.
 const ROUNDS: usize = 4;
+/// Longest step of the first round, as a share of the distance to the target.
 const FIRST_STEP: f32 = 0.4;
-/// Distances of the places from what they look at, in median distances of the Gaussians from their
+/// Minimum and maximum distance of a place from its target, in median distances of the Gaussians from their
 /// middle.
 const DISTANCES: [f32; 2] = [0.5, 4.0];
-/// What an open picture costs, in logarithms of blur.
-const OPEN: f32 = 15.0;
-/// Views that are this many times worse than the best tenth are left out.
-const WORST: f32 = 16.0;
-/// The size of a usual Gaussian in the pictures, px: a little more than in the photos it was
-/// trained on.
-const USUAL_PX: f32 = 4.0;
+/// Cost of an open picture, in logarithms of blur.
+const OPEN_COST: f32 = 15.0;
+/// Largest blur of a view, in blurs of the best tenth.
+const MAX_BLUR_RATIO: f32 = 16.0;
+/// Median size of the Gaussians in the pictures, px: a little more than in the training photos.
+const MEDIAN_PX: f32 = 4.0;
 /// Limits of the width and height of the pictures, px.
 const MIN_SIDE: f32 = 256.0;
 const MAX_SIDE: f32 = 1600.0;
-/// What is farther from the middle than this many times the radius of nearly everything is behind
-/// an object, not part of it.
+/// Distance from the middle at which Gaussians are behind an object, in radii of nearly everything.
 const BEHIND: f32 = 1.1;
-/// Minimum share of the corners of pictures from around that it covers in surroundings.
-const CORNERS: f32 = 0.3;
+/// Minimum covered share of the corners of pictures from around, in surroundings.
+const MIN_CORNER_COVER: f32 = 0.3;
 /// Minimum covered share of a pixel that is measured.
 const MIN_COVER: f32 = 0.1;
 /// Minimum spread of depths, in logarithms.
 const MIN_SPREAD: f32 = 1e-3;
 
-/// A place to look from.
+/// A trial viewpoint.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct RatedViewpoint {
     camera: Camera,
     eye: Vec3,
     target: Vec3,
-    /// The logarithm of how blurred the view is.
+    /// Logarithm of the view's blur.
     cost: f32,
     /// The mean size of the Gaussians, radians.
     size: f32,
 }
 
-/// Cameras at good places to look at `splats` from, at most [`IMPROVED`], the best first, with
+/// Cameras at the sharpest viewpoints of `splats`, at most [`IMPROVED`], the best first, with
 /// pictures as sharp as the Gaussians. `unit` is the median distance of the Gaussians from their
 /// middle.
 pub(super) fn places(splats: &Splats, unit: f32, up: Vec3) -> Vec<Camera> {
-    let mut judge = Judge::new(splats);
+    let mut probe = BlurProbe::new(splats);
     let rng = Rng::new(0, "photographed places", 0);
     let n = splats.len() as u64;
-    let first = (0..TRIED as u64).map(|i| {
+    let first = (0..MAX_TRIALS as u64).map(|i| {
         let target = splats.positions[(rng.bits(8 * i) % n) as usize];
         let share = rng.uniform(8 * i + 1);
         let distance = unit * DISTANCES[0] * (DISTANCES[1] / DISTANCES[0]).powf(share);
         (target + rng.on_sphere(4 * i + 1) * distance, target)
     });
-    let mut places: Vec<Place> = first.map(|(eye, target)| judge.place(eye, target, up)).collect();
+    let mut places: Vec<RatedViewpoint> =
+        first.map(|(eye, target)| probe.place(eye, target, up)).collect();
     places.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     places.truncate(IMPROVED);
     for round in 0..ROUNDS {
@@ -180,7 +180,7 @@ pub(super) fn places(splats: &Splats, unit: f32, up: Vec3) -> Vec<Camera> {
         for (i, place) in places.iter_mut().enumerate() {
             let length = step * place.eye.distance(place.target);
             let shift = |k: u64| rng.on_sphere(4 * i as u64 + k) * length;
-            let moved = judge.place(place.eye + shift(0), place.target + shift(2), up);
+            let moved = probe.place(place.eye + shift(0), place.target + shift(2), up);
             if moved.cost < place.cost {
                 *place = moved;
             }
@@ -188,17 +188,17 @@ pub(super) fn places(splats: &Splats, unit: f32, up: Vec3) -> Vec<Camera> {
     }
     places.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let best = places.get(places.len() / 10).map_or(0.0, |place| place.cost);
-    places.retain(|place| place.cost <= best + WORST.ln());
+    places.retain(|place| place.cost <= best + MAX_BLUR_RATIO.ln());
     let sizes = places.iter().map(|place| place.size).collect();
-    let focal = USUAL_PX / median(sizes, f32::total_cmp).unwrap_or(1.0);
+    let focal = MEDIAN_PX / median(sizes, f32::total_cmp).unwrap_or(1.0);
     let side = 2.0 * focal * (FOV.to_radians() / 2.0).tan();
     let side = UVec2::splat(side.clamp(MIN_SIDE, MAX_SIDE) as u32);
     places.iter().map(|place| place.camera.resized(side)).collect()
 }
 
-/// Draws depths and sizes of Gaussians.
-struct Judge {
-    /// Their colours are what is measured.
+/// Measures the blur of views, by drawing depths and sizes of the Gaussians as colours.
+struct BlurProbe {
+    /// With the measured numbers as colours.
     splats: Splats,
     options: GaussianOptions,
 }
@@ -207,22 +207,22 @@ struct Judge {
 const OFFSET: f32 = 24.0;
 const MIN_LENGTH: f32 = 1e-9;
 
-impl Judge {
+impl BlurProbe {
     fn new(splats: &Splats) -> Self {
         let chosen: Vec<usize> = evenly_spaced(splats.len(), MAX_SAMPLES).collect();
-        let grown = (splats.len() as f32 / chosen.len().max(1) as f32).sqrt();
-        let splats = colourless(splats, &chosen, grown);
+        let scale = (splats.len() as f32 / chosen.len().max(1) as f32).sqrt();
+        let splats = colourless(splats, &chosen, scale);
         Self { options: GaussianOptions::suited_to(&splats, [0.0; 3]), splats }
     }
 
-    fn place(&mut self, eye: Vec3, target: Vec3, up: Vec3) -> Place {
+    fn place(&mut self, eye: Vec3, target: Vec3, up: Vec3) -> RatedViewpoint {
         let camera = camera(eye, target, up, FOV, SIDE);
         let (size, cost) = self.measure(&camera);
-        Place { camera, eye, target, cost, size }
+        RatedViewpoint { camera, eye, target, cost, size }
     }
 
     /// The mean size of the Gaussians, and the cost: the logarithm of size times mean spread of
-    /// depths, and what gaps cost.
+    /// depths, and the cost of gaps.
     fn measure(&mut self, camera: &Camera) -> (f32, f32) {
         for i in 0..self.splats.len() {
             let depth = (camera.rotation * self.splats.positions[i] + camera.translation).z;
@@ -251,15 +251,15 @@ impl Judge {
         }
         let size = size / covered;
         let spread = (spread / covered).max(MIN_SPREAD);
-        (size.exp(), size + spread.ln() + OPEN * (1.0 - covered / frame.rgb.len() as f32))
+        (size.exp(), size + spread.ln() + OPEN_COST * (1.0 - covered / frame.rgb.len() as f32))
     }
 }
 
-/// Some of `splats` without colours, `grown` times as large.
-fn colourless(splats: &Splats, chosen: &[usize], grown: f32) -> Splats {
+/// The `chosen` splats without colours, `scale` times as large.
+fn colourless(splats: &Splats, chosen: &[usize], scale: f32) -> Splats {
     Splats {
         positions: chosen.iter().map(|i| splats.positions[*i]).collect(),
-        scales: chosen.iter().map(|i| splats.scales[*i] * grown).collect(),
+        scales: chosen.iter().map(|i| splats.scales[*i] * scale).collect(),
         rotations: chosen.iter().map(|i| splats.rotations[*i]).collect(),
         opacity: chosen.iter().map(|i| splats.opacity[*i]).collect(),
         sh: vec![[0.0; 3]; chosen.len()],
@@ -268,9 +268,14 @@ fn colourless(splats: &Splats, chosen: &[usize], grown: f32) -> Splats {
     }
 }
 
-/// Whether `splats` are surroundings: what lies behind the `reach` around their `middle` fills the
-/// corners of the pictures that `cameras` take, which look at all within it.
-pub(super) fn surround(splats: &Splats, cameras: &[Camera], middle: Vec3, reach: f32) -> bool {
+/// True if `splats` are surroundings: Gaussians behind the `reach` around their `middle` fill the
+/// corners of the pictures of `cameras`, which look at everything within it.
+pub(super) fn are_surroundings(
+    splats: &Splats,
+    cameras: &[Camera],
+    middle: Vec3,
+    reach: f32,
+) -> bool {
     let behind = |i: &usize| splats.positions[*i].distance(middle) > BEHIND * reach;
     let behind: Vec<usize> = (0..splats.len()).filter(behind).collect();
     let splats = &colourless(splats, &behind, 1.0);
@@ -287,7 +292,7 @@ pub(super) fn surround(splats: &Splats, cameras: &[Camera], middle: Vec3, reach:
         1.0 - open.iter().sum::<f32>() / open.len() as f32
     };
     let corners: Vec<f32> = cameras.iter().map(corner).collect();
-    median(corners, f32::total_cmp).is_some_and(|cover| cover > CORNERS)
+    median(corners, f32::total_cmp).is_some_and(|cover| cover > MIN_CORNER_COVER)
 }
 
 #[cfg(test)]
@@ -388,12 +393,12 @@ mod photographed_tests {
         let around: Vec<Camera> = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE.normalize()]
             .map(|eye| camera(eye * 6.0, Vec3::ZERO, Vec3::new(0.1, 0.9, 0.2), 45.0, SIDE))
             .to_vec();
-        assert!(surround(&room(20.0), &around, Vec3::ZERO, 2.0));
+        assert!(are_surroundings(&room(20.0), &around, Vec3::ZERO, 2.0));
         let mut thing = room(20.0);
         thing.retain(|i| !i.is_multiple_of(50));
-        assert!(!surround(&thing, &around, Vec3::ZERO, 2.0));
+        assert!(!are_surroundings(&thing, &around, Vec3::ZERO, 2.0));
         // Nor does one whose own rim reaches into the corners.
         thing.scales.iter_mut().for_each(|scale| *scale *= 12.0);
-        assert!(!surround(&thing, &around, Vec3::ZERO, 2.0));
+        assert!(!are_surroundings(&thing, &around, Vec3::ZERO, 2.0));
     }
 }

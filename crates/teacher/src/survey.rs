@@ -27,7 +27,7 @@ pub(super) struct Survey {
     soft: SoftRasterizer,
 }
 
-/// What a camera sees.
+/// Coverage of a camera's picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct ViewCoverage {
     /// Share of the picture that triangles cover.
@@ -37,13 +37,13 @@ pub(super) struct ViewCoverage {
 }
 
 impl Survey {
-    /// Of `soup`, which is thinned if it is large.
+    /// A survey of `soup`, which is thinned if it is large.
     pub(super) fn new(mut soup: Soup) -> Self {
         soup.truncate_sh(0);
-        let along = Along::of(&soup);
+        let order = CurveOrder::of(&soup);
         Self {
-            middles: along.middles(MAX_MIDDLES),
-            soup: along.thinned(&soup, MAX_TRIANGLES),
+            middles: order.middles(MAX_MIDDLES),
+            soup: order.thinned(&soup, MAX_TRIANGLES),
             soft: SoftRasterizer::new(),
         }
     }
@@ -53,18 +53,18 @@ impl Survey {
         &self.middles
     }
 
-    /// The [`Self::middles`] that the camera of the last look sees.
-    pub(super) fn seen(&self, camera: &Camera) -> Vec<bool> {
+    /// Flags the [`Self::middles`] that the camera of the last look sees.
+    pub(super) fn visible_middles(&self, camera: &Camera) -> Vec<bool> {
         let camera = camera.resized(UVec2::splat(SIDE));
         let frame = self.soft.frame();
-        let is_seen = |middle: &Vec3| {
+        let is_visible = |middle: &Vec3| {
             let shown = camera.project(*middle).filter(|(_, z)| *z > NEAR);
             shown.is_some_and(|(at, z)| {
                 let depth = frame.median_depth[at.y as usize * SIDE as usize + at.x as usize];
                 depth == 0.0 || z < depth * BEHIND
             })
         };
-        self.middles.iter().map(is_seen).collect()
+        self.middles.iter().map(is_visible).collect()
     }
 
     /// The view of `camera`, for any size of its picture; surfaces nearer than `clearance` are
@@ -110,14 +110,14 @@ pub(super) fn direction(i: usize, count: usize) -> Vec3 {
 /// Middles of triangles along a curve through space, so that every k-th one gives an even selection
 /// for any order of the file.
 #[derive(Debug)]
-pub(super) struct Along {
+pub(super) struct CurveOrder {
     /// The i-th triangle along the curve. `[N]`
     order: Vec<u32>,
     /// Of the triangles in the order of the soup. `[N]`
     middles: Vec<Vec3>,
 }
 
-impl Along {
+impl CurveOrder {
     pub(super) fn of(soup: &Soup) -> Self {
         let middles: Vec<Vec3> =
             soup.vertices.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0).collect();
@@ -125,36 +125,37 @@ impl Along {
         Self { order: along_curve(&points), middles }
     }
 
-    /// At most `most` of the middles.
-    pub(super) fn middles(&self, most: usize) -> Vec<Vec3> {
-        let step = self.order.len().div_ceil(most).max(1);
+    /// At most `max_count` of the middles.
+    pub(super) fn middles(&self, max_count: usize) -> Vec<Vec3> {
+        let step = self.order.len().div_ceil(max_count).max(1);
         self.order.iter().step_by(step).map(|&i| self.middles[i as usize]).collect()
     }
 
-    /// About `most` triangles instead of all. Large ones stay; smaller ones are selected with a
+    /// About `max_count` triangles instead of all. Large ones stay; smaller ones are selected with a
     /// chance in proportion to their area, and enlarged to replace the others.
-    pub(super) fn thinned(&self, soup: &Soup, most: usize) -> Soup {
-        if soup.len() <= most {
+    pub(super) fn thinned(&self, soup: &Soup, max_count: usize) -> Soup {
+        if soup.len() <= max_count {
             return soup.clone();
         }
         let areas: Vec<f64> = soup.vertices.iter().map(|[a, b, c]| area(*a, *b, *c)).collect();
-        let least = least_kept(&areas, most);
+        let threshold = full_area(&areas, max_count);
         let mut sum = 0.5;
         let mut picked = Vec::new();
         for &i in &self.order {
             let before = f64::floor(sum);
-            sum += (areas[i as usize] / least).min(1.0);
+            sum += (areas[i as usize] / threshold).min(1.0);
             if sum.floor() > before {
                 picked.push(i as usize);
             }
         }
         let mut thinned = soup.subset(&picked);
         // Large ones stay bitwise unchanged.
-        let small = thinned.vertices.iter_mut().zip(&picked).filter(|(_, i)| areas[**i] < least);
+        let small =
+            thinned.vertices.iter_mut().zip(&picked).filter(|(_, i)| areas[**i] < threshold);
         for (corners, &i) in small {
-            let grown = (least / areas[i]).sqrt() as f32;
+            let scale = (threshold / areas[i]).sqrt() as f32;
             let middle = self.middles[i];
-            *corners = corners.map(|v| middle + (v - middle) * grown);
+            *corners = corners.map(|v| middle + (v - middle) * scale);
         }
         thinned
     }
@@ -165,14 +166,13 @@ fn area(a: Vec3, b: Vec3, c: Vec3) -> f64 {
     0.5 * (b - a).cross(c - a).length()
 }
 
-/// The area A with which the sum of min(1, area / A) is `most`; infinite when there is no area to
-/// share.
-fn least_kept(areas: &[f64], most: usize) -> f64 {
+/// The area A with which the sum of min(1, area / A) is `max_count`; infinite without any area.
+fn full_area(areas: &[f64], max_count: usize) -> f64 {
     let mut falling: Vec<f64> = areas.to_vec();
     falling.sort_unstable_by(|a, b| b.total_cmp(a));
     let mut rest: f64 = falling.iter().sum();
-    for (kept, largest) in falling.iter().take(most).enumerate() {
-        let share = rest / (most - kept) as f64;
+    for (kept, largest) in falling.iter().take(max_count).enumerate() {
+        let share = rest / (max_count - kept) as f64;
         if *largest <= share {
             return if share > 0.0 { share } else { f64::INFINITY };
         }
@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn area_stays_and_large_ones_stay_as_they_are() {
         let all = soup(5000);
-        let thinned = Along::of(&all).thinned(&all, 1000);
+        let thinned = CurveOrder::of(&all).thinned(&all, 1000);
         assert!(thinned.len().abs_diff(1000) <= 1, "{}", thinned.len());
         assert!((total_area(&thinned) / total_area(&all) - 1.0).abs() < 0.01);
         let large = |i: &&usize| i.is_multiple_of(10);
@@ -228,8 +228,8 @@ mod tests {
         let all = soup(5000);
         let shuffled: Vec<usize> = (0..5000).map(|i| i * 1777 % 5000).collect();
         let other = all.subset(&shuffled);
-        let a = Along::of(&all);
-        let b = Along::of(&other);
+        let a = CurveOrder::of(&all);
+        let b = CurveOrder::of(&other);
         assert_eq!(a.thinned(&all, 700).opacity, b.thinned(&other, 700).opacity);
         assert_eq!(a.middles(300), b.middles(300));
     }
@@ -237,7 +237,7 @@ mod tests {
     #[test]
     fn points_are_not_kept() {
         let points = Soup { vertices: vec![[Vec3::ONE; 3]; 50], ..soup(50) };
-        assert_eq!(Along::of(&points).thinned(&points, 20).len(), 0);
-        assert_eq!(Along::of(&points).thinned(&points, 50).len(), 50);
+        assert_eq!(CurveOrder::of(&points).thinned(&points, 20).len(), 0);
+        assert_eq!(CurveOrder::of(&points).thinned(&points, 50).len(), 50);
     }
 }

@@ -16,7 +16,7 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::math::lists::quantile;
 use trisplat_scene::{ImportedScene, Soup, Splats};
 
-/// Where viewpoints come from.
+/// Origin of viewpoints.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ViewpointKind {
@@ -32,14 +32,14 @@ pub enum ViewpointKind {
 /// The viewpoints for a scene, in the frame of its file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Viewpoints {
-    /// Where they come from.
+    /// Their origin.
     pub kind: ViewpointKind,
     /// One camera per picture.
     pub cameras: Vec<Camera>,
 }
 
 impl Viewpoints {
-    /// Those of `scene`: all stored cameras, with others between them up to `max_bytes` of 8-bit
+    /// Viewpoints of `scene`: all stored cameras, with others between them up to `max_bytes` of 8-bit
     /// pictures, or chosen ones. `None` without stored cameras and without visible triangles.
     pub fn of(scene: &ImportedScene, max_bytes: u64) -> Option<Self> {
         if scene.cameras.is_empty() {
@@ -49,7 +49,7 @@ impl Viewpoints {
         }
     }
 
-    /// Those of Gaussians, the most telling first: all `stored` cameras, or chosen ones; `stand_in`
+    /// Viewpoints of Gaussians, the most telling first: all `stored` cameras, or chosen ones; `stand_in`
     /// has triangles in the place of the Gaussians. Around an object `count` cameras are chosen,
     /// which look at it from all sides, from below too, and have pictures of `longer_px` that it
     /// fills. `None` where nothing is seen.
@@ -70,15 +70,15 @@ impl Viewpoints {
         Self { kind: ViewpointKind::Stored, cameras }
     }
 
-    /// Chosen ones; `None` without any.
+    /// Chosen viewpoints; `None` without any.
     fn chosen(kind: ViewpointKind, cameras: Vec<Camera>) -> Option<Self> {
         (!cameras.is_empty()).then_some(Self { kind, cameras })
     }
 }
 
-/// Pictures of a soft scene, and cameras around one that are tried.
+/// Number of pictures of a soft scene, and of trial cameras around it.
 const PICTURES: usize = 60;
-/// Their width and height, px.
+/// Width and height of the pictures, px.
 const SIDE: u32 = 360;
 /// Field of view of cameras around the scene, degrees.
 const AROUND_FOV: f32 = 45.0;
@@ -87,24 +87,24 @@ const INSIDE_FOV: f32 = 75.0;
 /// Elevations of the rings around an object, degrees: most of them from above, because objects
 /// stand on something.
 const RINGS: [f32; 5] = [-20.0, 5.0, 25.0, 45.0, 70.0];
-/// Distances of inner viewpoints from the middle, in units of the scene, and their number of
-/// directions.
+/// Distances of inner viewpoints from the middle, in units of the scene.
 const INSIDE_RADII: [f32; 4] = [0.0, 0.6, 1.2, 2.0];
+/// Number of directions of inner viewpoints from the middle.
 const INSIDE_DIRECTIONS: usize = 12;
-/// Viewing directions of an inner viewpoint.
+/// Number of viewing directions of an inner viewpoint.
 const LOOKS: usize = 10;
-/// Minimum distance of a viewpoint from other surfaces, in units of the scene, ...
+/// Minimum distance of a viewpoint from surfaces, in units of the scene.
 const CLEARANCE: f32 = 0.25;
-/// ... except for this share of its picture.
+/// Largest share of a picture that nearer surfaces cover.
 const MAX_CLOSE_SHARE: f32 = 0.1;
-/// Share of the triangles that may be nearer.
+/// Largest share of the triangles that is nearer to an inner viewpoint.
 const MAX_NEARER_SHARE: f32 = 1e-3;
 /// Minimum covered share of a picture from within.
 const MIN_COVERED: f32 = 0.9;
 /// Minimum covered share of a picture from around.
 const MIN_COVERED_AROUND: f32 = 0.02;
-/// Views from within must see this many times more triangles than those from around, because the
-/// surface of an object is visible from both of its sides.
+/// Minimum ratio of triangles visible from within to those visible from around: the surface of an
+/// object is visible from both of its sides.
 const MORE_INSIDE: f32 = 1.2;
 /// Minimum number of views from within.
 const MIN_VIEWS_INSIDE: usize = 8;
@@ -117,13 +117,13 @@ struct Search {
     survey: Survey,
     unit: Unit,
     up: Vec3,
-    /// Look from below as often as from above, because nobody knows where up is.
+    /// Look from below as often as from above, because up is unknown.
     any_side: bool,
 }
 
 impl Search {
     /// Prepares to look at `scene`; `None` when it has no extent.
-    /// `any_side`: look from below as often as from above, unless the scene knows where up is.
+    /// `any_side`: look from below as often as from above, unless the scene stores its up axis.
     fn new(scene: &ImportedScene, any_side: bool) -> Option<Self> {
         let mut soup = scene.scene.to_soup();
         soup.truncate_sh(0);
@@ -142,16 +142,16 @@ impl Search {
         let up = self.up;
         let from = around(reach, self.up, true);
         let around = from.iter().map(|c| self.unit.to_scene(c)).collect::<Vec<_>>();
-        if !splat_views::surround(splats, &around, middle, reach * length) {
-            let found = self.viewpoints(count);
+        if !splat_views::are_surroundings(splats, &around, middle, reach * length) {
+            let viewpoints = self.viewpoints(count);
             // Thin rods cover too little of a picture for the search, but are seen from around;
             // points are not.
-            if found.is_none()
+            if viewpoints.is_none()
                 && !splats.scales.iter().any(|scale| scale.max_element() > f32::EPSILON * length)
             {
                 return None;
             }
-            let inside = found.filter(|found| found.kind == ViewpointKind::Inside);
+            let inside = viewpoints.filter(|viewpoints| viewpoints.kind == ViewpointKind::Inside);
             let Some(Viewpoints { kind, cameras }) = inside else {
                 return Viewpoints::chosen(
                     ViewpointKind::Around,
@@ -165,27 +165,26 @@ impl Search {
         let view = |place: &Camera| {
             let camera = self.unit.camera(place);
             self.survey.look(&camera, CLEARANCE);
-            GoodView { seen: self.survey.seen(&camera), camera: *place }
+            GoodView { visible: self.survey.visible_middles(&camera), camera: *place }
         };
         let cameras = most_telling(places.iter().map(view).collect(), places.len());
         Viewpoints::chosen(ViewpointKind::Inside, cameras)
     }
 
-    /// Where to look from, at most `count` places; `None` when the scene shows nothing from
-    /// anywhere.
+    /// At most `count` viewpoints; `None` if the scene shows nothing from anywhere.
     fn viewpoints(self, count: usize) -> Option<Viewpoints> {
         let Self { mut survey, unit, up, any_side } = self;
-        let around = good_views(&mut survey, around(unit.reach, up, any_side), |sight| {
-            sight.covered >= MIN_COVERED_AROUND && sight.crowded <= MAX_CLOSE_SHARE
+        let around = good_views(&mut survey, around(unit.reach, up, any_side), |coverage| {
+            coverage.covered >= MIN_COVERED_AROUND && coverage.crowded <= MAX_CLOSE_SHARE
         });
         let mut inside = Vec::new();
         for eye in free_eyes(survey.middles()) {
             let looks =
                 (0..LOOKS).map(|i| camera(eye, eye + direction(i, LOOKS), up, INSIDE_FOV, SIDE));
             let mut surrounded = 0;
-            let views = good_views(&mut survey, looks.collect(), |sight| {
-                surrounded += usize::from(sight.covered >= MIN_COVERED);
-                sight.covered >= MIN_COVERED && sight.crowded <= MAX_CLOSE_SHARE
+            let views = good_views(&mut survey, looks.collect(), |coverage| {
+                surrounded += usize::from(coverage.covered >= MIN_COVERED);
+                coverage.covered >= MIN_COVERED && coverage.crowded <= MAX_CLOSE_SHARE
             });
             // A viewpoint behind a wall sees nothing else.
             if 2 * surrounded > LOOKS {
@@ -295,7 +294,7 @@ fn free_eyes(middles: &[Vec3]) -> Vec<Vec3> {
 /// A camera and its visible triangles.
 struct GoodView {
     camera: Camera,
-    seen: Vec<bool>,
+    visible: Vec<bool>,
 }
 
 /// The `candidates` with a `good` view.
@@ -305,8 +304,8 @@ fn good_views(
     mut good: impl FnMut(&ViewCoverage) -> bool,
 ) -> Vec<GoodView> {
     let look = |camera: Camera| {
-        let sight = survey.look(&camera, CLEARANCE);
-        good(&sight).then(|| GoodView { camera, seen: survey.seen(&camera) })
+        let coverage = survey.look(&camera, CLEARANCE);
+        good(&coverage).then(|| GoodView { camera, visible: survey.visible_middles(&camera) })
     };
     candidates.into_iter().filter_map(look).collect()
 }
@@ -314,24 +313,25 @@ fn good_views(
 /// Number of triangles visible in any of `views`.
 fn union(views: &[GoodView]) -> f32 {
     let Some(first) = views.first() else { return 0.0 };
-    let by_any = |i: &usize| views.iter().any(|view| view.seen[*i]);
-    (0..first.seen.len()).filter(by_any).count() as f32
+    let by_any = |i: &usize| views.iter().any(|view| view.visible[*i]);
+    (0..first.visible.len()).filter(by_any).count() as f32
 }
 
-/// At most `most` of `views`; each next one sees most of the triangles that the others have seen
-/// least.
-fn most_telling(mut views: Vec<GoodView>, most: usize) -> Vec<Camera> {
-    let mut times = vec![0u32; views.first().map_or(0, |view| view.seen.len())];
+/// At most `count` of `views`; each next one shows the triangles that the others show least.
+fn most_telling(mut views: Vec<GoodView>, count: usize) -> Vec<Camera> {
+    let mut times = vec![0u32; views.first().map_or(0, |view| view.visible.len())];
     let mut chosen = Vec::new();
-    while chosen.len() < most && !views.is_empty() {
-        let worth = |view: &GoodView| {
-            let seen = view.seen.iter().zip(&times).filter(|(seen, _)| **seen);
-            seen.map(|(_, times)| 1.0 / f64::from(1 + times)).sum::<f64>()
+    while chosen.len() < count && !views.is_empty() {
+        let score = |view: &GoodView| {
+            let visible = view.visible.iter().zip(&times).filter(|(visible, _)| **visible);
+            visible.map(|(_, times)| 1.0 / f64::from(1 + times)).sum::<f64>()
         };
-        let worths: Vec<f64> = views.iter().map(worth).collect();
-        let best = (0..views.len()).max_by(|a, b| worths[*a].total_cmp(&worths[*b])).unwrap_or(0);
+        let scores: Vec<f64> = views.iter().map(score).collect();
+        let best = (0..views.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b])).unwrap_or(0);
         let view = views.swap_remove(best);
-        times.iter_mut().zip(&view.seen).for_each(|(times, seen)| *times += u32::from(*seen));
+        for (times, visible) in times.iter_mut().zip(&view.visible) {
+            *times += u32::from(*visible);
+        }
         chosen.push(view.camera);
     }
     chosen

@@ -1,4 +1,4 @@
-//! Where the scene is stored and optimised while it trains.
+//! Storage and optimisation of the scene while it trains.
 //!
 //! There are two backends, [`CpuBackend`](super::cpu::CpuBackend) and, with the feature `gpu`, one
 //! on a graphics card (`train::gpu::GpuBackend`); `crates/train/tests/train/gpu` compares them. A backend runs
@@ -23,18 +23,18 @@ pub struct StepPhoto<'a> {
     pub pixels: &'a RgbImage,
     /// The photo is drawn for the first time since the visibility statistics were reset.
     pub first: bool,
-    /// Its name, for a backend that keeps photos; `None` for a photo of one step only.
+    /// Its identity, for a backend that keeps photos; `None` for a photo of one step only.
     pub id: Option<PhotoId>,
 }
 
-/// Identifies a photo at a size and an exposure. Equal names have the same pixels for a whole run.
+/// Identifies a photo at a size and an exposure. Equal ids have the same pixels for a whole run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct PhotoId {
-    /// Which photo.
+    /// Number of the photo.
     pub index: usize,
-    /// How often it was halved.
+    /// Number of times that it was halved.
     pub level: u32,
-    /// Whether its exposure is corrected.
+    /// True with a corrected exposure.
     pub corrected: bool,
 }
 
@@ -67,7 +67,7 @@ pub struct BackendVisibility {
 #[derive(Debug, Clone, Copy)]
 #[cfg_attr(not(feature = "gpu"), expect(dead_code))]
 pub(crate) struct RunSize {
-    /// Triangles at most.
+    /// Maximum number of triangles.
     pub(crate) triangles: u64,
     /// Degree of the view-dependent colour.
     pub(crate) sh_degree: u8,
@@ -94,7 +94,7 @@ pub trait TrainBackend: std::fmt::Debug {
     fn store(&mut self) -> Result<OptimizerState>;
     /// The parameters as they are.
     fn params(&mut self) -> Result<Cow<'_, Params>>;
-    /// True where the state can get lost: then [`TrainBackend::rescued`] has it.
+    /// True if the state can get lost: then [`TrainBackend::rescued`] has it.
     fn can_be_lost(&self) -> bool {
         false
     }

@@ -32,25 +32,25 @@ const EVALUATE_SECS: f64 = 0.3e-6;
 const TRIANGLES_PER_STEP: f64 = 14.0;
 /// Minimum pixels of the training photos per triangle: more triangles overfit the photos.
 const PIXELS_PER_TRIANGLE: f64 = 80.0;
-/// Fewer steps than this are worth smaller photos, unless a run has its own number.
+/// Below this number of steps the plan makes photos smaller, unless a run has its own number.
 const ENOUGH_STEPS: u64 = 1000;
-/// Photos are not made smaller than this on their longer side, px.
+/// Smallest longer side of photos that a plan chooses, px.
 const SMALLEST_PHOTO: u32 = 320;
-/// Fewer steps do not give a usable scene.
+/// Minimum number of steps for a usable scene.
 const FEWEST_STEPS: u64 = 60;
-/// Minimum triangles, unless the scene begins with more, and most.
+/// Minimum, unless the scene begins with more triangles, and maximum number of triangles.
 const TRIANGLES: [f64; 2] = [1e3, 1e6];
-/// Share of the first part after which its steps are measured: before, the scene grows.
-const GROWN: f64 = 0.9;
+/// Share of the first part after which its steps are timed: before, the scene grows.
+const TIMED_FROM: f64 = 0.9;
 /// Maximum remaining steps, as a multiple of the planned ones.
 const MAX_STRETCH: f64 = 10.0;
 
 /// Limits of a run with any budget.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StepLimit {
-    /// More steps than this gain nothing.
+    /// Steps beyond which a run gains nothing.
     pub steps: Option<u64>,
-    /// Fewer steps than this are worth smaller photos.
+    /// Steps below which the plan makes photos smaller.
     pub steps_of_full_photos: u64,
 }
 
@@ -86,12 +86,12 @@ pub struct Correction {
     pub steps: u64,
 }
 
-/// How a run used its budget.
+/// Use of a budget by a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BudgetDetails {
     /// The budget.
     pub budget: Budget,
-    /// What was chosen before the first step.
+    /// Choices before the first step.
     pub plan: Plan,
     /// The changes since.
     pub corrections: Vec<Correction>,
@@ -107,7 +107,7 @@ pub struct BudgetDetails {
 pub struct Pace {
     /// The budget.
     pub budget: Budget,
-    /// What was chosen before the first step.
+    /// Choices before the first step.
     pub plan: Plan,
     /// The changes since.
     pub corrections: Vec<Correction>,
@@ -118,8 +118,9 @@ pub struct Pace {
     pub(crate) stored_secs: f64,
     /// Seconds for the work after the last step, once they were measured.
     pub(crate) reserve_secs: Option<f64>,
-    /// More steps than this gain nothing.
-    most_steps: Option<u64>,
+    /// Steps beyond which the run gains nothing.
+    #[serde(rename = "most_steps")]
+    max_steps: Option<u64>,
 }
 
 /// A pace, and the clock of the budget.
@@ -127,11 +128,11 @@ pub struct Pace {
 pub struct BudgetControl {
     /// The plan and its changes.
     pub pace: Pace,
-    /// What is spent.
+    /// Clock of the spent time.
     pub spending: Spending,
 }
 
-/// What a budget is planned for.
+/// Inputs of a plan.
 #[derive(Debug, Clone)]
 pub struct PlanInput<'a> {
     /// The options of the run; its steps, its milestones and, unless given, its triangles are
@@ -147,9 +148,9 @@ pub struct PlanInput<'a> {
     pub photos: [u64; 2],
     /// The size of the largest training photo, px.
     pub photo: UVec2,
-    /// `max_triangles` is given.
+    /// Keep `max_triangles` of the options.
     pub keeps_max_triangles: bool,
-    /// `max_size` is given, or cannot be chosen.
+    /// Keep the size of the photos.
     pub keeps_photo_size: bool,
     /// Triangles of the scene that the run starts from, which must all fit.
     pub from: Option<u64>,
@@ -171,7 +172,7 @@ pub struct WholeBudget {
 }
 
 impl<'a> PlanInput<'a> {
-    /// Of a data set after reading.
+    /// Inputs of a data set after reading.
     pub fn new(
         dataset: &Dataset,
         options: &'a TrainOptions,
@@ -198,15 +199,15 @@ impl<'a> PlanInput<'a> {
     /// The size of photos whose longer side is `max_size`.
     fn photo_of(&self, max_size: Option<u32>) -> UVec2 {
         let longer = self.photo.max_element();
-        let most = max_size.unwrap_or(longer).min(longer);
-        (self.photo.as_dvec2() * f64::from(most) / f64::from(longer))
+        let side = max_size.unwrap_or(longer).min(longer);
+        (self.photo.as_dvec2() * f64::from(side) / f64::from(longer))
             .round()
             .as_uvec2()
             .max(UVec2::ONE)
     }
 
     /// Seconds to decode the photos and for the work after the last step, with photos of `photo`.
-    fn beside_secs(&self, photo: UVec2) -> [f64; 2] {
+    fn decode_and_reserve_secs(&self, photo: UVec2) -> [f64; 2] {
         let [all, held_out] =
             [self.photos[0] + self.photos[1], self.photos[1]].map(|count| count as f64);
         let [full, small] = [self.photo, photo].map(|size| size.as_dvec2().element_product());
@@ -219,7 +220,7 @@ impl<'a> PlanInput<'a> {
         let options =
             TrainOptions { steps, max_triangles, milestones: [0; 4], ..self.options.clone() };
         let secs: f64 = part_secs(&options, photo, max_triangles).iter().sum();
-        (options, secs * self.speed + self.beside_secs(photo)[0])
+        (options, secs * self.speed + self.decode_and_reserve_secs(photo)[0])
     }
 
     /// Maximum number of triangles of a run of `steps`.
@@ -227,27 +228,28 @@ impl<'a> PlanInput<'a> {
         if self.keeps_max_triangles {
             return self.options.max_triangles;
         }
-        let [least, most] = TRIANGLES;
+        let [min, max] = TRIANGLES;
         let pixels = self.photos[0] as f64 * photo.as_dvec2().element_product();
-        let most = (pixels / PIXELS_PER_TRIANGLE).clamp(least, most);
-        let triangles = (TRIANGLES_PER_STEP * steps as f64).clamp(least, most).round() as u64;
+        let max_of_photos = (pixels / PIXELS_PER_TRIANGLE).clamp(min, max);
+        let triangles =
+            (TRIANGLES_PER_STEP * steps as f64).clamp(min, max_of_photos).round() as u64;
         triangles.max(self.from.unwrap_or(0))
     }
 
     /// The plan for photos of one size; `None` if the budget is too small for it.
     fn for_size(&self, max_size: Option<u32>) -> Option<Plan> {
         let photo = self.photo_of(max_size);
-        let reserve_secs = self.beside_secs(photo)[1];
+        let reserve_secs = self.decode_and_reserve_secs(photo)[1];
         let left = self.budget.seconds.0 - self.spent_secs - reserve_secs;
-        // Seconds rise with the steps: the most steps that fit lie between two of these.
+        // Seconds rise with the steps: bisection finds the largest number that fits.
         let fits = |steps: u64| self.run(steps, photo).1 <= left;
         let mut low = FEWEST_STEPS;
         let mut high = 2 * FEWEST_STEPS;
         if !fits(low) {
             return None;
         }
-        let most = self.step_limit.steps.unwrap_or(1 << 40).max(FEWEST_STEPS);
-        while fits(high) && high < most {
+        let max_steps = self.step_limit.steps.unwrap_or(1 << 40).max(FEWEST_STEPS);
+        while fits(high) && high < max_steps {
             low = high;
             high *= 2;
         }
@@ -255,12 +257,15 @@ impl<'a> PlanInput<'a> {
             let middle = low + (high - low) / 2;
             *(if fits(middle) { &mut low } else { &mut high }) = middle;
         }
-        let (TrainOptions { steps, max_triangles, .. }, step_secs) = self.run(low.min(most), photo);
+        let (TrainOptions { steps, max_triangles, .. }, step_secs) =
+            self.run(low.min(max_steps), photo);
         Some(Plan { steps, max_triangles, max_size, step_secs, reserve_secs })
     }
 
     fn too_small(&self, photo: UVec2) -> Error {
-        let needed = self.spent_secs + self.beside_secs(photo)[1] + self.run(FEWEST_STEPS, photo).1;
+        let needed = self.spent_secs
+            + self.decode_and_reserve_secs(photo)[1]
+            + self.run(FEWEST_STEPS, photo).1;
         let itself = WholeBudget { seconds: self.budget.seconds, scale: 1.0, offset: 0.0 };
         let WholeBudget { seconds, scale, offset } = self.whole.unwrap_or(itself);
         let needed = 1.2 * (scale * needed + offset);
@@ -303,7 +308,7 @@ pub fn plan(input: &PlanInput<'_>) -> Result<Pace> {
                 began_secs: input.spent_secs,
                 stored_secs: input.spent_secs,
                 reserve_secs: None,
-                most_steps: input.step_limit.steps,
+                max_steps: input.step_limit.steps,
             });
         }
         size = Some(smaller);
@@ -347,8 +352,8 @@ pub(super) fn step_secs(is_opaque: bool, triangles: f64, pixels: f64) -> f64 {
 }
 
 impl Pace {
-    /// After `step` steps and `spent_secs`: the options of the rest of the run, if this is a
-    /// milestone. Earlier steps keep theirs.
+    /// Options of the rest of the run after `step` steps and `spent_secs`, if this is a milestone;
+    /// earlier steps keep theirs.
     pub(crate) fn corrected(
         &mut self,
         step: u64,
@@ -356,14 +361,14 @@ impl Pace {
         triangles: u64,
         options: &TrainOptions,
     ) -> Option<TrainOptions> {
-        if step == (GROWN * options.milestones[0] as f64) as u64 {
+        if step == (TIMED_FROM * options.milestones[0] as f64) as u64 {
             self.began_secs = spent_secs;
         }
         let part = options.milestones.iter().position(|milestone| *milestone == step)?;
         let secs = part_secs(options, self.photo, triangles);
         let expected = match part {
-            // Those of a scene that is all there.
-            0 => (1.0 - GROWN) * part_secs(options, self.photo, 2 * triangles)[0],
+            // Seconds of a scene with all its triangles.
+            0 => (1.0 - TIMED_FROM) * part_secs(options, self.photo, 2 * triangles)[0],
             part => secs[part],
         };
         let speed = ((spent_secs - self.began_secs) / expected.max(1e-9)).max(1e-9);
@@ -371,23 +376,23 @@ impl Pace {
         let left = self.budget.seconds.0 - spent_secs - reserve;
         let rest = speed * secs[part + 1..].iter().sum::<f64>();
         let to_do = |steps: u64| steps.saturating_sub(step) as f64;
-        let most = self
-            .most_steps
-            .map_or(f64::INFINITY, |most| to_do(most) / to_do(options.steps).max(1.0));
-        let stretch = (left / rest.max(1e-9)).clamp(0.0, most.min(MAX_STRETCH));
+        let max_stretch = self
+            .max_steps
+            .map_or(f64::INFINITY, |max_steps| to_do(max_steps) / to_do(options.steps).max(1.0));
+        let stretch = (left / rest.max(1e-9)).clamp(0.0, max_stretch.min(MAX_STRETCH));
         let corrected = stretched(options, part, stretch);
         self.began_secs = spent_secs;
         self.corrections.push(Correction { step, spent_secs, steps: corrected.steps });
         Some(corrected)
     }
 
-    /// Continues after `spent_secs`: what was spent since this was stored is not counted as steps.
+    /// Continues after `spent_secs`; the time since this was stored is not counted as steps.
     pub(crate) fn resume(&mut self, spent_secs: f64) {
         self.began_secs += spent_secs - self.stored_secs;
         self.stored_secs = spent_secs;
     }
 
-    /// `options` with the choices. Their milestones are explicit, because they may change.
+    /// `options` with the choices of the plan. Milestones are explicit, because they may change.
     pub fn apply(&self, options: &TrainOptions) -> TrainOptions {
         let Plan { steps, max_triangles, .. } = self.plan;
         TrainOptions {
@@ -420,7 +425,7 @@ impl Pace {
 
     /// True when the run has all useful steps, and the budget has time for more.
     pub fn is_enough(&self) -> bool {
-        self.most_steps.is_some_and(|most| self.plan.steps >= most)
+        self.max_steps.is_some_and(|max_steps| self.plan.steps >= max_steps)
     }
 
     /// "budget 60s of CPU time: 1500 steps of at most 21000 triangles, photos as they are; ..." for
@@ -431,7 +436,7 @@ impl Pace {
             || "photos as they are".to_owned(),
             |px| format!("photos of {px} px, because larger ones leave too few steps"),
         );
-        // Hundredths of seconds say nothing beside ten.
+        // From ten seconds on, hundredths say nothing.
         let secs = self.budget.seconds.0;
         let seconds =
             Seconds(if secs < 10.0 { (100.0 * secs).round() / 100.0 } else { secs.round() });
@@ -500,7 +505,7 @@ mod tests {
             if part == 0 {
                 // Grown in the last tenth.
                 let last = 0.1 * part_secs(&options, PHOTO, 2 * triangles)[0] * soft;
-                let grown = (GROWN * options.milestones[0] as f64) as u64;
+                let grown = (TIMED_FROM * options.milestones[0] as f64) as u64;
                 assert_eq!(pace.corrected(grown, spent + secs - last, triangles, &options), None);
             }
             spent += secs;

@@ -43,11 +43,11 @@ pub struct Checkpoint {
     pub state: OptimizerState,
     /// Visibility of the triangles since the last pruning.
     pub visibility: VisibilityStats,
-    /// What is not an array.
+    /// Everything except arrays.
     pub meta: CheckpointMeta,
 }
 
-/// What is not an array.
+/// Everything of a checkpoint except its arrays.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CheckpointMeta {
@@ -90,7 +90,7 @@ impl CheckpointMeta {
 ///
 /// # Errors
 ///
-/// Those of the operating system; numbers that are not finite, because no run can continue from
+/// A file that the operating system refuses; numbers that are not finite, because no run can continue from
 /// these.
 pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
     let unwritable =
@@ -129,14 +129,14 @@ fn checksum<'a>(run: &str, tensors: impl Iterator<Item = (&'a str, &'a [u8])>) -
     format!("{:016x}", hash.digest())
 }
 
-type Named<'a> = Vec<(String, TensorView<'a>)>;
+type NamedTensors<'a> = Vec<(String, TensorView<'a>)>;
 
 /// Every array under its name.
 fn tensors<'a>(
     checkpoint: &'a Checkpoint,
     exempt: &'a [u8],
     drawn: &'a [u8],
-) -> std::result::Result<Named<'a>, SafeTensorError> {
+) -> std::result::Result<NamedTensors<'a>, SafeTensorError> {
     let mut tensors = Vec::new();
     let mut add = |name: String, dtype, shape: &[usize], data| {
         TensorView::new(dtype, shape.to_vec(), data).map(|view| tensors.push((name, view)))
@@ -331,7 +331,7 @@ impl Arrays<'_> {
 ///
 /// # Errors
 ///
-/// What the operating system refuses.
+/// A file that the operating system refuses.
 pub(crate) fn write_kept(path: &Path, checkpoint: &Checkpoint, keep: u32) -> Result<PathBuf> {
     if keep <= 1 {
         return write(path, checkpoint).map(|()| path.to_owned());

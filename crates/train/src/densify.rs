@@ -22,14 +22,14 @@ use trisplat_scene::parallel::{self, GRAIN};
 const MIN_VIEWS: u32 = 2;
 /// Triangles of a solid scene that fewer photos than this show need one that is near.
 const FIRM_VIEWS: u32 = 6;
-/// The nearest photo that shows such a triangle is at most this many times as far as the nearest
-/// camera: one that stands before a camera which does not show it, and that only far photos show,
-/// is there for some pixels of theirs and for no surface.
+/// Largest distance of the nearest photo that shows such a triangle, in distances of the nearest
+/// camera: a triangle close to a camera that does not show it, and shown by far photos only, fits
+/// some of their pixels and no surface.
 const FARTHEST_VIEW: f32 = 2.5;
 /// Largest shift of a clone, in halves of the triangle's box (1.5, supplement: max_noise_factor).
 const CLONE_SHIFT: f32 = 1.5;
 
-/// What one densification works with.
+/// Inputs of one densification.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct DensifyPlan<'a> {
     /// The constants.
@@ -44,7 +44,7 @@ pub(crate) struct DensifyPlan<'a> {
     pub core: Option<Core>,
     /// Triangles may be added.
     pub grow: bool,
-    /// Known depth may move triangles.
+    /// Depth anchors may move triangles.
     pub pull: bool,
     /// τ_prune of this densification.
     pub prune_weight: f32,
@@ -55,7 +55,7 @@ pub(crate) struct DensifyPlan<'a> {
     /// Grow by cutting triangles in two where the picture is wrong, which does not change the look
     /// of a solid scene.
     pub bisect: bool,
-    /// How solid the scene is.
+    /// State of the solid anneal.
     pub anneal: Anneal,
     /// The user's seed.
     pub seed: u64,
@@ -63,7 +63,7 @@ pub(crate) struct DensifyPlan<'a> {
     pub step: u64,
 }
 
-/// What one densification did.
+/// Counts of one densification.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Densified {
     /// Removed: no longer finite.
@@ -76,11 +76,11 @@ pub struct Densified {
     pub unseen: usize,
     /// Removed: before a camera, and shown by few photos from far away.
     pub unsupported: usize,
-    /// Removed: before known points.
+    /// Removed: before depth anchors.
     pub blocking: usize,
     /// Removed: least summed weight, in a scene at its limit of triangles.
     pub relocated: usize,
-    /// Added at known points that photos saw through.
+    /// Added at depth anchors that photos saw through.
     pub filled: usize,
     /// Split into four.
     pub split: usize,
@@ -158,7 +158,7 @@ pub(crate) fn densify(
     done
 }
 
-/// Which triangles stay, by the rules in their order.
+/// Flags the triangles that stay, by the rules in their order. `[N]`
 fn prune(
     state: &OptimizerState,
     visibility: &VisibilityStats,
@@ -197,8 +197,8 @@ fn prune(
     alive
 }
 
-/// Removes triangles before known points and moves those near theirs; returns the points that
-/// photos see through, while triangles may be added.
+/// Removes triangles before depth anchors, and moves others towards theirs; returns the anchors
+/// that photos see through, while triangles may be added.
 fn repair(
     state: &mut OptimizerState,
     visibility: &VisibilityStats,

@@ -7,7 +7,7 @@ use trisplat_gpu::Gpu;
 use trisplat_raster::soft::SoftOptions;
 use trisplat_scene::{Error, Result};
 
-/// Where a run trains.
+/// The device of a training.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum BackendKind {
@@ -31,15 +31,15 @@ pub struct BackendOptions {
         arg(help = "The device that trains and draws soft triangles; `gpu` is not in this build")
     )]
     pub backend: BackendKind,
-    /// Which graphics card.
+    /// Choice of the graphics card.
     #[cfg(feature = "gpu")]
     #[cfg_attr(feature = "cli", command(flatten))]
     pub adapter: trisplat_gpu::AdapterOptions,
 }
 
 /// A backend; its card, graphics API, driver and needed memory, `None` on the CPU; notes for the
-/// user: why the card is not used, or that it is a software renderer.
-type Opened = (Box<dyn TrainBackend>, Option<String>, Vec<String>);
+/// user: the reason why the card is not used, or that it is a software renderer.
+type OpenedBackend = (Box<dyn TrainBackend>, Option<String>, Vec<String>);
 
 impl BackendOptions {
     /// The device of a run with a budget: the CPU, because its plan comes from steps timed there.
@@ -57,7 +57,7 @@ impl BackendOptions {
         Ok(cpu)
     }
 
-    /// For a crate that was built without `gpu`.
+    /// Checks the options of a build without the feature `gpu`.
     ///
     /// # Errors
     ///
@@ -82,7 +82,7 @@ impl BackendOptions {
     /// # Errors
     ///
     /// `gpu`, which this build lacks.
-    pub(super) fn open(&self, drawing: SoftOptions, _size: RunSize) -> Result<Opened> {
+    pub(super) fn open(&self, drawing: SoftOptions, _size: RunSize) -> Result<OpenedBackend> {
         self.check()?;
         Ok((Box::new(CpuBackend::new(drawing)), None, Vec::new()))
     }
@@ -95,7 +95,7 @@ impl BackendOptions {
     /// # Errors
     ///
     /// `gpu` where there is no card as asked for, or where it cannot be opened.
-    pub(super) fn open(&self, drawing: SoftOptions, size: RunSize) -> Result<Opened> {
+    pub(super) fn open(&self, drawing: SoftOptions, size: RunSize) -> Result<OpenedBackend> {
         let (made, warnings) = self.with_card(|gpu| self::gpu(gpu, drawing, size))?;
         Ok(match made {
             Some((backend, card)) => (backend, Some(card), warnings),
@@ -103,8 +103,8 @@ impl BackendOptions {
         })
     }
 
-    /// The backend that `make` builds on the card, if one is used, and a note for the user: why
-    /// none is, or that it is a software renderer.
+    /// Builds a backend by `make` on the card, if one is used. Returns notes for the user too: the
+    /// reason why none is used, or that it is a software renderer.
     ///
     /// # Errors
     ///

@@ -18,7 +18,7 @@ const MIN_PHOTOS: usize = 4;
 pub struct ExposureEstimates {
     /// The photos' corrections; empty for none.
     pub exposures: Exposures,
-    /// How photos differ; `None` where they were not compared.
+    /// Differences between the photos; `None` where they were not compared.
     pub verdict: Option<Verdict>,
 }
 
@@ -27,7 +27,7 @@ pub struct ExposureEstimates {
 ///
 /// # Errors
 ///
-/// Those of `photo`.
+/// Errors of `photo`.
 pub fn solve_exposures(
     dataset: &Dataset,
     mut photo: impl FnMut(usize) -> Result<Arc<RgbImage>>,
@@ -48,12 +48,12 @@ pub fn solve_exposures(
 }
 
 impl ExposureEstimates {
-    /// The corrections that `options` ask for. Photos are taken as they are where nothing has
-    /// decided.
+    /// Estimates the corrections that `options` ask for; photos stay as they are where they are
+    /// undecided.
     ///
     /// # Errors
     ///
-    /// Those of `photo`.
+    /// Errors of `photo`.
     pub(super) fn new(
         dataset: &Dataset,
         options: &TrainOptions,
@@ -68,13 +68,13 @@ impl ExposureEstimates {
         Ok(Self { exposures, verdict: Some(solved.verdict(strengths)) })
     }
 
-    /// For the report; `None` where photos were not compared.
+    /// Details for the report; `None` where photos were not compared.
     pub(super) fn details(&self) -> Option<ExposureDetails> {
         let details = ExposureDetails { verdict: self.verdict, exposures: self.exposures.clone() };
         self.verdict.is_some().then_some(details)
     }
 
-    /// A photo as it is trained on, and whether it was corrected.
+    /// Corrects a photo for training; returns true beside it if that changed it.
     pub(super) fn correct(&self, index: usize, photo: Arc<RgbImage>) -> (Arc<RgbImage>, bool) {
         match self.exposures.correct(index, &photo) {
             Some(corrected) => (Arc::new(corrected), true),

@@ -26,7 +26,7 @@ const RANDOM_POINTS: usize = 10_000;
 ///
 /// # Errors
 ///
-/// Those of [`from_points`] and [`from_scene`].
+/// As [`from_points`] and [`from_scene`].
 pub(super) fn initial_checkpoint(
     views: &[&View],
     inputs: &TrainInputs<'_>,

@@ -167,7 +167,7 @@ impl<'a> TrainInputs<'a> {
     ///
     /// # Errors
     ///
-    /// Those of [`TrainInputs::start`]; `gpu` without a matching card, with one that cannot be
+    /// As [`TrainInputs::start`]; `gpu` without a matching card, with one that cannot be
     /// opened, or with a budget.
     pub fn start_on(self, place: &BackendOptions) -> Result<Training<'a>> {
         let has_budget =
@@ -190,7 +190,7 @@ impl<'a> TrainInputs<'a> {
     ///
     /// # Errors
     ///
-    /// Those of [`TrainInputs::start`], photos that cannot be decoded. Checkpoints and previews
+    /// As [`TrainInputs::start`]; photos that cannot be decoded. Checkpoints and previews
     /// that cannot be written are in [`Trained::lost`].
     pub fn run(self, observer: TrainObserver<'_>) -> Result<Trained> {
         self.start()?.finish(observer)

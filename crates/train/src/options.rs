@@ -47,7 +47,7 @@ pub enum TrainPreset {
     Indoor,
 }
 
-/// How a soup is trained.
+/// Options of a training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(default, deny_unknown_fields)]
@@ -72,7 +72,7 @@ pub struct TrainOptions {
     /// Seed of every random choice; the same seed gives the same bits on any number of threads.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0))]
     pub seed: u64,
-    /// Whether to correct photos that differ in exposure and white balance, or are darker in their
+    /// Correction of photos that differ in exposure and white balance, or are darker in their
     /// corners.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub exposure: ExposureUse,
@@ -81,30 +81,30 @@ pub struct TrainOptions {
     #[cfg_attr(feature = "cli", arg(skip))]
     #[schemars(inner(range(max = 1_000_000_000)))]
     pub milestones: [u64; 4],
-    /// How the scene is drawn.
+    /// Drawing of the scene.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub draw: TrainDrawOptions,
     /// The size of the first triangles, and the shell.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub init: InitOptions,
-    /// What is minimised.
+    /// The loss that is minimised.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub loss: LossOptions,
     /// The learning rates of each group of parameters.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub rates: RateOptions,
-    /// How triangles are added and removed.
+    /// Adding and removing triangles.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub densify: DensifyOptions,
-    /// How early steps save time on smaller photos.
+    /// Early steps on smaller photos, which save time.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub warmup: WarmupOptions,
-    /// How the scene becomes solid in the last part of the run.
+    /// The anneal to a solid scene in the last part of the run.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub solid: SolidifyOptions,
 }
 
-/// How the scene is drawn.
+/// Drawing of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainDrawOptions {
@@ -172,7 +172,7 @@ pub enum SampleWeight {
     Error,
 }
 
-/// How triangles are added and removed.
+/// Adding and removing triangles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct DensifyOptions {
@@ -202,7 +202,7 @@ pub struct DensifyOptions {
     pub prune_weight: f64,
 }
 
-/// How early steps save time on smaller photos (not in the paper). Without a warm-up, as in runs
+/// Early steps on smaller photos, which save time (not in the paper). Without a warm-up, as in runs
 /// that start from a scene, the degree of view-dependent colour rises by one per step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -215,7 +215,7 @@ pub struct WarmupOptions {
     pub half_until: f64,
 }
 
-/// How the scene becomes solid in the last part of the run (supplement: the final 5,000 of 30,000
+/// The anneal to a solid scene in the last part of the run (supplement: the final 5,000 of 30,000
 /// steps); presets that stay soft ignore it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -270,12 +270,12 @@ impl TrainOptions {
         Self { seed, ..self }
     }
 
-    /// Whether the scene becomes solid.
+    /// True if the scene becomes solid.
     pub fn ends_solid(&self) -> bool {
         self.preset == TrainPreset::Solid
     }
 
-    /// How the rasteriser draws the scene over `background`.
+    /// Drawing options of the rasteriser over `background`.
     pub fn drawing(&self, background: [f32; 3]) -> SoftOptions {
         SoftOptions {
             window: Window::Soft,

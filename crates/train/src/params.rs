@@ -249,7 +249,7 @@ pub struct Core {
 }
 
 impl Core {
-    /// Whether triangle `i` has its middle in the box.
+    /// True if triangle `i` has its middle in the box.
     pub(super) fn holds(&self, params: &Params, i: usize) -> bool {
         let middle = centroid(params.vertices[i]);
         (0..3).all(|k| {

@@ -82,7 +82,7 @@ pub struct StepParams {
     /// Largest alpha of a layer; it rises to 1 with the anneal, because solid triangles must not
     /// leak.
     pub alpha_cap: f32,
-    /// How solid the scene is.
+    /// State of the solid anneal.
     pub anneal: Anneal,
     /// Drawn as an engine draws: edges one pixel wide, colours mixed in linear light. One sample
     /// per pixel is enough: 2 by 2 gained 0.03 dB at 1.37 times the seconds.
@@ -93,7 +93,7 @@ pub struct StepParams {
 }
 
 impl StepParams {
-    /// How the rasteriser draws the scene at this step.
+    /// Drawing options of the rasteriser at this step.
     pub fn drawing(&self, options: &SoftOptions) -> SoftOptions {
         let background = self.background.unwrap_or(options.background);
         let soft = SoftOptions { alpha_cap: self.alpha_cap, background, ..*options };
@@ -137,7 +137,7 @@ impl<'a> Schedule<'a> {
         }
     }
 
-    /// How often `every`, in steps of a 30,000-step run, has passed after `step` steps.
+    /// Number of periods of `every`, in steps of a 30,000-step run, after `step` steps.
     fn passed(&self, step: u64, every: f64) -> u64 {
         if self.timeline.has_milestones() {
             (self.timeline.position(step) / every.max(1.0)).floor() as u64
@@ -290,8 +290,8 @@ impl<'a> Schedule<'a> {
         step < self.scaled(self.options.densify.until)
     }
 
-    /// True while known depth moves triangles after `step` steps: in the first half of the solid
-    /// part. Later it costs more sharpness than it gains depth.
+    /// True while depth anchors move triangles after `step` steps: in the first half of the solid
+    /// part. Later they cost more sharpness than they gain depth.
     pub fn pulls_after(&self, step: u64) -> bool {
         !self.is_past(step, (self.options.solid.opacity_until + REFERENCE_STEPS) / 2.0)
     }

@@ -19,7 +19,7 @@ const MEASURED_STEPS: u64 = 200;
 ///
 /// # Errors
 ///
-/// Those of [`TrainInputs::start`]; photos that cannot be decoded; a system without CPU time.
+/// As [`TrainInputs::start`]; photos that cannot be decoded; a system without CPU time.
 pub fn measure_speed(
     dataset: &Dataset,
     from: Option<&ImportedScene>,

@@ -21,7 +21,7 @@ pub(crate) struct Timeline {
 
 /// A part of a schedule between two milestones.
 #[derive(Clone, Copy)]
-struct Part {
+struct TimelinePart {
     /// First and last position.
     positions: [f64; 2],
     /// First and last step.
@@ -53,10 +53,9 @@ impl Timeline {
             return in_proportion(self.steps).max(self.steps + 1);
         }
         match self.parts().into_iter().flatten().find(|part| position <= part.positions[1]) {
-            Some(Part { positions: [from, until], steps: [first, last] }) => {
+            Some(TimelinePart { positions: [from, until], steps: [first, last] }) => {
                 let steps = (position - from) / (until - from) * (last - first) as f64;
-                // What is not yet reached at a milestone must not become reached when the next part
-                // is shortened there.
+                // A position after a milestone must stay after it when the next part is shortened.
                 let begun = u64::from(position > from && last > first);
                 first + (steps.round() as u64).max(begun)
             }
@@ -68,7 +67,9 @@ impl Timeline {
     pub(crate) fn position(&self, step: u64) -> f64 {
         let in_proportion = step as f64 * REFERENCE_STEPS / self.steps.max(1) as f64;
         match self.part_of(step) {
-            Some(Part { positions: [from, until], steps: [first, last] }) if last > first => {
+            Some(TimelinePart { positions: [from, until], steps: [first, last] })
+                if last > first =>
+            {
                 from + (step - first) as f64 * (until - from) / (last - first) as f64
             }
             Some(part) => part.positions[1],
@@ -77,17 +78,17 @@ impl Timeline {
     }
 
     /// The part of step `step`; `None` for a proportional run.
-    fn part_of(&self, step: u64) -> Option<Part> {
+    fn part_of(&self, step: u64) -> Option<TimelinePart> {
         let parts = self.parts()?;
         parts.iter().find(|part| step < part.steps[1]).or(parts.last()).copied()
     }
 
-    fn parts(&self) -> Option<[Part; 5]> {
+    fn parts(&self) -> Option<[TimelinePart; 5]> {
         let [a, b, c, d] = MILESTONES;
         let positions = [[0.0, a], [a, b], [b, c], [c, d], [d, REFERENCE_STEPS]];
         let [a, b, c, d] = self.milestones?;
         let steps = [[0, a], [a, b], [b, c], [c, d], [d, self.steps]];
-        Some(std::array::from_fn(|i| Part { positions: positions[i], steps: steps[i] }))
+        Some(std::array::from_fn(|i| TimelinePart { positions: positions[i], steps: steps[i] }))
     }
 }
 

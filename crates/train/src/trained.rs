@@ -119,7 +119,7 @@ impl Trained {
     ///
     /// # Errors
     ///
-    /// What the operating system refuses.
+    /// A file that the operating system refuses.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<u64> {
         self.save_to(AtomicFile::create(path.as_ref())?)
     }

@@ -224,7 +224,7 @@ impl<'a> Training<'a> {
         }
     }
 
-    /// True where [`Training::picture`] draws faster than the CPU: soft pictures of the whole scene
+    /// True if [`Training::picture`] draws faster than the CPU: soft pictures of the whole scene
     /// on a graphics card.
     pub(super) fn draws(&self, drawing: &SoftOptions) -> bool {
         self.backend.draws()
@@ -237,7 +237,7 @@ impl<'a> Training<'a> {
     ///
     /// # Errors
     ///
-    /// Those of the backend; it does not draw.
+    /// Errors of the backend; a backend that does not draw.
     pub(super) fn picture(&mut self, camera: &Camera, drawing: &SoftOptions) -> Result<RgbImage> {
         let rates = Schedule::new(&self.meta.options).rates(self.meta.step.max(1) - 1);
         let camera = self.space().camera_to_training(camera);
@@ -642,7 +642,7 @@ impl<'a> Training<'a> {
     ///
     /// # Errors
     ///
-    /// Those of [`Training::soup`]; no triangle is left.
+    /// As [`Training::soup`]; no triangle is left.
     fn final_soup(&mut self) -> Result<(Soup, Option<String>)> {
         let frozen = self.meta.frozen;
         let pinned = self.meta.pinned;

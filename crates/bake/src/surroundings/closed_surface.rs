@@ -6,7 +6,7 @@
 
 use glam::{Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
-use trisplat_raster::framing::hit;
+use trisplat_raster::framing::ray_triangle_distance;
 use trisplat_scene::math::geometry::octasphere;
 use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::{Colors, Mesh};
@@ -72,7 +72,8 @@ fn places(corners: [Vec3; 3]) -> [Vec2; 3] {
 
 /// Distance of the shell in a direction.
 fn farthest(shell: &Mesh, center: Vec3, way: Vec3) -> Option<f32> {
-    let hits = (0..shell.face_count()).filter_map(|face| hit(shell.corners(face), center, way));
+    let hits = (0..shell.face_count())
+        .filter_map(|face| ray_triangle_distance(shell.corners(face), center, way));
     hits.reduce(f32::max)
 }
 

@@ -12,7 +12,7 @@ use trisplat_raster::{
     solid::{SolidRasterOptions, SolidRasterizer},
 };
 use trisplat_scene::{Asset, ImportedScene, Soup, camera::Camera, math::metric};
-use trisplat_teacher::{Background, Teacher};
+use trisplat_teacher::{ObjectBackground, Teacher};
 
 const BLACK: [f32; 3] = [0.0; 3];
 const WHITE: [f32; 3] = [1.0; 3];
@@ -94,7 +94,7 @@ fn no_background_can_tell_which_one_an_object_was_trained_on() {
 
 #[test]
 fn only_what_shows_the_background_alone_goes() {
-    let found = Background::of(&trained_on(BLACK), &distant_cameras(), None).unwrap();
+    let found = ObjectBackground::of(&trained_on(BLACK), &distant_cameras(), None).unwrap();
     assert_eq!(found.rgb, Some(BLACK));
     let [ball_kept, shards_kept] = [&found.is_object[..BALL], &found.is_object[BALL..]]
         .map(|of| of.iter().filter(|kept| **kept).count());
@@ -105,10 +105,10 @@ fn only_what_shows_the_background_alone_goes() {
     let plate = [corner(-0.6, -0.6), corner(0.6, -0.6), corner(0.0, 0.7)];
     let mut marked = trained_on(BLACK);
     marked.append(colored(soup_of([(plate, 0.99, 0.05)]), BLACK));
-    let found = Background::of(&marked, &distant_cameras(), None).unwrap();
+    let found = ObjectBackground::of(&marked, &distant_cameras(), None).unwrap();
     assert_eq!(found.is_object.last(), Some(&true));
     // A given colour overrules the pictures: on white, black triangles are an object.
-    let given = Background::of(&trained_on(BLACK), &distant_cameras(), Some(WHITE)).unwrap();
+    let given = ObjectBackground::of(&trained_on(BLACK), &distant_cameras(), Some(WHITE)).unwrap();
     assert!(given.is_object.iter().all(|object| *object));
 }
 

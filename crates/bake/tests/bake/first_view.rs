@@ -6,7 +6,7 @@ use trisplat_formats::{
     self as formats, ReadOptions,
     gltf::{GltfOptions, to_glb_bytes},
 };
-use trisplat_raster::framing::{Surroundings, orbit};
+use trisplat_raster::framing::{SceneEnclosure, orbit};
 use trisplat_scene::{Asset, ImportedScene, Scene};
 
 /// The README's first file, as its first command bakes it, without the slow part that changes no
@@ -55,10 +55,10 @@ fn an_orbit_of_any_soup_keeps_the_subject_in_the_picture_and_stays_inside_the_sh
     let path = trisplat_fixtures::sample("soups/studio.ply");
     let ImportedScene { scene, provenance, .. } =
         formats::read(&path, &ReadOptions::default()).expect("a sample");
-    let surroundings = Surroundings::of(&scene, &provenance);
+    let surroundings = SceneEnclosure::of(&scene, &provenance);
     let viewpoint = surroundings.viewpoint(&[], Vec3::NEG_Y).expect("there is something to see");
     let target = DVec3::from(viewpoint.target).as_vec3();
-    let room = surroundings.room(target);
+    let room = surroundings.distance_from(target);
     assert!(room.is_finite() && f64::from(room) > viewpoint.radius.unwrap_or(0.0), "{room}");
     let Scene::Soup(soup) = &scene else { panic!("a soup") };
     let near =
@@ -66,7 +66,7 @@ fn an_orbit_of_any_soup_keeps_the_subject_in_the_picture_and_stays_inside_the_sh
     let subject: Vec<Vec3> = soup.vertices.iter().filter(near).map(|t| t[0]).collect();
     assert!(subject.len() > 1000);
     for size in [UVec2::new(960, 720), UVec2::new(390, 844)] {
-        let towards = |way: Vec3| surroundings.room_towards(target, way);
+        let towards = |way: Vec3| surroundings.distance_along(target, way);
         for camera in orbit(&viewpoint, Vec3::NEG_Y, &towards, size, 12) {
             let away = camera.position() - target;
             assert!(away.length() < towards(away.normalize()));

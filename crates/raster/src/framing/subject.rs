@@ -1,5 +1,5 @@
 //! The subject of a scene: an object alone, the object that its photos look at, or its dense middle
-//! without photos; how a camera sees it, and how far photos look around it.
+//! without photos; its visibility from a camera, and the range of its photos around it.
 
 use crate::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use glam::{DVec3, UVec2, Vec3};
@@ -9,29 +9,28 @@ use trisplat_scene::math::geometry::{bounds, central, centroid};
 use trisplat_scene::math::lists::{median, quantile};
 use trisplat_scene::mesh::{Colors, Mesh};
 
-/// Maximum number of points to sample.
+/// Maximum number of sampled points.
 pub(super) const MAX_POINTS: usize = 20_000;
-/// Maximum number of cameras to use.
+/// Maximum number of cameras.
 const MAX_CAMERAS: usize = 100;
-/// A point belongs to the subject if at least this share of the most framed point's pictures show
-/// it ...
-const FRAMED: f32 = 0.5;
-/// ... and if it is within this distance of the point that the cameras look at, as a share of their
+/// Minimum number of pictures that show a point of the subject, as a share of those of the point
+/// that most pictures show.
+const MIN_PICTURE_SHARE: f32 = 0.5;
+/// Largest distance of a point of the subject from the focus of the cameras, as a share of their
 /// median distance.
-const WITHIN: f32 = 0.8;
-/// Share of its points within the subject's radius.
+const MAX_FOCUS_DISTANCE: f32 = 0.8;
+/// Share of the subject's points within its radius.
 const RADIUS_QUANTILE: f32 = 0.9;
-/// Without photos: share of all points within the radius, ...
+/// Share of all points within the radius, without photos.
 const ALL_QUANTILE: f32 = 0.95;
-/// ... but at most this many times their median distance, because farther points surround the
+/// Largest radius without photos, in median distances of the points: farther ones surround the
 /// subject.
-const CORE: f32 = 2.5;
-/// Points are one object with a long part, such as the neck of a guitar, when this share of them
-/// ends ...
+const MAX_CORE_RADIUS: f32 = 2.5;
+/// Share of the points within the radius of one object with a long part, such as a guitar's neck.
 const OBJECT_QUANTILE: f32 = 0.995;
-/// ... within this many times their median distance, so that nothing surrounds them, ...
-const OBJECT: f32 = 5.0;
-/// ... and this little beyond where `ALL_QUANTILE` of them end: surroundings thin out.
+/// Largest radius of such an object, in median distances of its points: nothing surrounds them.
+const MAX_OBJECT_RADIUS: f32 = 5.0;
+/// Largest radius of such an object, in radii of `ALL_QUANTILE` of it: surroundings thin out.
 const SHARP_END: f32 = 1.25;
 
 /// A ball around the subject of a scene.
@@ -46,8 +45,8 @@ pub struct Subject {
 }
 
 impl Subject {
-    /// Of a scene with `points`, the middles of its triangles, and the cameras of its photos, if
-    /// known. `None` without extent.
+    /// The subject of a scene with `points`, the middles of its triangles, and the cameras of its
+    /// photos, if any. `None` without extent.
     pub fn of(points: &[Vec3], cameras: &[Camera]) -> Option<Self> {
         let step = points.len().div_ceil(MAX_POINTS).max(1);
         let points: Vec<Vec3> =
@@ -65,7 +64,7 @@ impl Subject {
         (radius > 0.0 && radius.is_finite()).then_some(Self { center, radius, is_alone: false })
     }
 
-    /// Whether a point is in it.
+    /// True for a point in the ball.
     pub fn holds(&self, point: Vec3) -> bool {
         point.distance_squared(self.center) <= self.radius * self.radius
     }
@@ -79,20 +78,23 @@ fn photographed(points: &[Vec3], cameras: &[Camera]) -> Option<Subject> {
     let away =
         median(cameras.iter().map(|c| c.position().distance(focus)).collect(), f32::total_cmp)?;
     let near: Vec<Vec3> =
-        points.iter().copied().filter(|p| p.distance(focus) <= WITHIN * away).collect();
+        points.iter().copied().filter(|p| p.distance(focus) <= MAX_FOCUS_DISTANCE * away).collect();
     let frames =
         |point: &Vec3| cameras.iter().filter(|camera| camera.is_in_frustum(*point)).count();
     let counts: Vec<usize> = near.iter().map(frames).collect();
-    let least = FRAMED * counts.iter().copied().max()? as f32;
-    let subject =
-        near.iter().zip(&counts).filter(|(_, count)| **count as f32 >= least).map(|(p, _)| *p);
+    let min_pictures = MIN_PICTURE_SHARE * counts.iter().copied().max()? as f32;
+    let subject = near
+        .iter()
+        .zip(&counts)
+        .filter(|(_, count)| **count as f32 >= min_pictures)
+        .map(|(p, _)| *p);
     ball(&subject.collect::<Vec<_>>(), RADIUS_QUANTILE)
 }
 
-/// All of an object that nothing surrounds; `None` where something does.
+/// An object that nothing surrounds; `None` where something does.
 fn object(points: &[Vec3]) -> Option<Subject> {
     let [half, all] = [0.5, ALL_QUANTILE].map(|share| ball(points, share).map(|ball| ball.radius));
-    let ends = (OBJECT * half?).min(SHARP_END * all?);
+    let ends = (MAX_OBJECT_RADIUS * half?).min(SHARP_END * all?);
     let whole = ball(points, OBJECT_QUANTILE).filter(|whole| whole.radius <= ends)?;
     let around =
         Subject::around(&points.iter().copied().filter(|p| whole.holds(*p)).collect::<Vec<_>>())?;
@@ -103,7 +105,7 @@ fn object(points: &[Vec3]) -> Option<Subject> {
 fn dense(points: &[Vec3]) -> Option<Subject> {
     let all = ball(points, ALL_QUANTILE)?;
     let half = ball(points, 0.5).map_or(all.radius, |half| half.radius);
-    let core = CORE * half;
+    let core = MAX_CORE_RADIUS * half;
     if core <= 0.0 || all.radius <= core {
         return Some(all);
     }
@@ -123,14 +125,14 @@ const MAX_FACES: usize = 8000;
 const MAX_GROWTH: f32 = 6.0;
 /// The longer side of the pictures, px.
 const SIDE: u32 = 96;
-/// Surfaces nearer than this share of the subject's distance are obstacles.
-const IN_THE_WAY: f32 = 0.3;
+/// Distance of obstacles, as a share of the subject's: nearer surfaces count.
+const OBSTACLE_DISTANCE: f32 = 0.3;
 /// Near plane, in radii of the subject.
 const NEAR: f32 = 0.01;
 
-/// Draws small pictures of a scene.
+/// Draws small pictures of a scene, to measure the visibility of its subject.
 #[derive(Debug)]
-pub(super) struct Survey {
+pub(super) struct VisibilityProbe {
     mesh: Mesh,
     subject: Subject,
     /// Flags of the subject's faces. `[F]`
@@ -138,21 +140,21 @@ pub(super) struct Survey {
     solid: SolidRasterizer,
 }
 
-/// A camera's view, in shares from 0 to 1.
+/// Visibility of the subject from a camera, in shares from 0 to 1.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Sight {
+pub(super) struct SubjectVisibility {
     /// Visible share of the subject's triangles.
-    pub(super) seen: f32,
+    pub(super) visible: f32,
     /// Share of the subject's triangles within the picture, hidden or not.
-    pub(super) framed: f32,
+    pub(super) in_frame: f32,
     /// Share of the picture that shows the subject.
-    pub(super) filled: f32,
+    pub(super) coverage: f32,
     /// Share of the picture with obstacles in front of the camera.
-    pub(super) blocked: f32,
+    pub(super) obstruction: f32,
 }
 
-impl Survey {
-    /// Of the triangles `corners`, without the far shell.
+impl VisibilityProbe {
+    /// A probe of the triangles `corners`, without the far shell.
     pub(super) fn new(
         corners: &dyn Fn(usize) -> [Vec3; 3],
         is_single_sided: &dyn Fn(usize) -> bool,
@@ -182,8 +184,8 @@ impl Survey {
         }
     }
 
-    /// The view of `camera`, for any size of its picture.
-    pub(super) fn look(&mut self, camera: &Camera) -> Sight {
+    /// Measures the visibility from `camera`, for any size of its picture.
+    pub(super) fn measure(&mut self, camera: &Camera) -> SubjectVisibility {
         let longest = camera.size.max_element() as f32;
         let size = (camera.size.as_vec2() / longest * SIDE as f32).as_uvec2().max(UVec2::ONE);
         let camera = camera.resized(size);
@@ -191,39 +193,39 @@ impl Survey {
         let options = SolidRasterOptions { near, ..SolidRasterOptions::default() };
         let drawn = self.solid.visibility(&self.mesh, &camera, &options);
         let depth = (camera.rotation * self.subject.center + camera.translation).z;
-        let mut seen = vec![false; self.of_subject.len()];
+        let mut is_visible = vec![false; self.of_subject.len()];
         let mut filled = 0;
         let mut blocked = 0;
         for (face, z) in drawn.face.iter().zip(&drawn.depth).filter(|(face, _)| **face != NO_FACE) {
             let face = *face as usize;
-            seen[face] = true;
+            is_visible[face] = true;
             filled += usize::from(self.of_subject[face]);
-            blocked += usize::from(*z < IN_THE_WAY * depth && !self.of_subject[face]);
+            blocked += usize::from(*z < OBSTACLE_DISTANCE * depth && !self.of_subject[face]);
         }
         let mut all = 0usize;
         let mut shown = 0usize;
         let mut framed = 0usize;
         for face in (0..self.of_subject.len()).filter(|face| self.of_subject[*face]) {
             all += 1;
-            shown += usize::from(seen[face]);
+            shown += usize::from(is_visible[face]);
             framed += usize::from(camera.is_in_frustum(self.mesh.centroid(face)));
         }
         let of = |part: usize, whole: usize| part as f32 / whole.max(1) as f32;
         let pixels = drawn.face.len();
-        Sight {
-            seen: of(shown, all),
-            framed: of(framed, all),
-            filled: of(filled, pixels),
-            blocked: of(blocked, pixels),
+        SubjectVisibility {
+            visible: of(shown, all),
+            in_frame: of(framed, all),
+            coverage: of(filled, pixels),
+            obstruction: of(blocked, pixels),
         }
     }
 }
 
-/// How far an orbit may go beyond the photos, rad: less than most neighbouring photos are apart.
+/// Margin of an orbit beyond the photos, rad: less than the angle between most neighbouring photos.
 const MARGIN: f64 = 0.26;
-/// Photos without a gap wider than this, rad, surround the target.
-const GAP: f64 = std::f64::consts::FRAC_PI_2;
-/// Fewer photos of the target leave the orbit free.
+/// Widest gap between photos that surround the target, rad.
+const MAX_GAP: f64 = std::f64::consts::FRAC_PI_2;
+/// Minimum number of photos of the target that limit the orbit.
 const MIN_PHOTOS: usize = 3;
 
 /// The range of the photos taken by `cameras` around the target of `viewpoint`. `None` if fewer
@@ -249,7 +251,7 @@ pub(super) fn orbit_range(viewpoint: &Viewpoint, cameras: &[Camera]) -> Option<O
     Some(OrbitRange { turn: turn.map(|turn| turn.map(f64::to_degrees)), elevation })
 }
 
-/// The least and largest turn of photos and of the viewpoint itself, which is at 0; `None` if they
+/// Minimum and maximum turn of the photos and of the viewpoint, which is at 0; `None` if they
 /// surround the target.
 fn turn(mut photos: Vec<f64>) -> Option<[f64; 2]> {
     photos.push(0.0);
@@ -262,7 +264,7 @@ fn turn(mut photos: Vec<f64>) -> Option<[f64; 2]> {
     let high = photos[widest];
     let low = if low > 0.0 { low - TAU } else { low };
     let high = if high < 0.0 { high + TAU } else { high };
-    (gap(widest) > GAP).then_some([low - MARGIN, high + MARGIN])
+    (gap(widest) > MAX_GAP).then_some([low - MARGIN, high + MARGIN])
 }
 
 #[cfg(test)]
@@ -281,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn the_subject_is_what_the_photos_look_at_not_the_many_points_behind_it() {
+    fn the_subject_is_where_photos_look_not_the_many_points_behind_it() {
         let target = Vec3::new(3.0, 1.0, -2.0);
         let eyes =
             [0.0f32, 1.3, 2.6, 3.9, 5.2].map(|a| target + 4.0 * Vec3::new(a.cos(), 0.4, a.sin()));

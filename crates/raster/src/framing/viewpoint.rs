@@ -1,129 +1,144 @@
 //! The first viewpoint of a scene: the place of a photo, or around the subject, that shows the
 //! subject best: whole, large, level, unobstructed, from somewhat above.
 
-use super::subject::{MAX_POINTS, Sight, Subject, Survey, orbit_range};
+use super::subject::{MAX_POINTS, Subject, SubjectVisibility, VisibilityProbe, orbit_range};
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use std::f32::consts::TAU;
 use trisplat_scene::camera::{Camera, Viewpoint};
 use trisplat_scene::math::geometry::centroid;
 
-/// Share of the picture that a subject should fill at least.
-const LARGE: f32 = 0.25;
-/// Sine of the best elevation, 20 degrees, and the difference from it that halves the score.
+/// Share of the picture from which a subject counts as large.
+const LARGE_COVERAGE: f32 = 0.25;
+/// Sine of the best elevation, 20 degrees.
 const BEST_ELEVATION: f32 = 0.342;
+/// Difference of the elevation's sine that halves the score.
 const ELEVATION_SPREAD: f32 = 0.5;
 /// Sines of the elevations of viewpoints around the subject; the first is tried in all directions.
 const ELEVATIONS: [f32; 3] = [0.342, 0.643, 0.087];
-/// Distances around the subject, relative to the one that shows it whole; nearer ones for enclosed
-/// subjects.
-const NEARER: [f32; 3] = [1.0, 0.6, 0.35];
-/// A nearer place must score this much higher.
+/// Distances around the subject, relative to the distance that shows it whole; nearer ones for
+/// enclosed subjects.
+const RELATIVE_DISTANCES: [f32; 3] = [1.0, 0.6, 0.35];
+/// Minimum ratio of scores that a nearer place needs.
 const NEARER_GAIN: f32 = 1.5;
-/// Largest distance as a share of that at which the scene is closed.
-const ROOM: f32 = 0.9;
+/// Largest distance from the target, as a share of the distance to the far shell.
+const MAX_ENCLOSURE_SHARE: f32 = 0.9;
 
-/// What was chosen.
+/// The viewpoint of a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Chosen {
-    /// Where to look from.
+pub struct ChosenViewpoint {
+    /// Eye, target and lens.
     pub viewpoint: Viewpoint,
     /// The number of the photo taken there, if any.
     pub photo: Option<usize>,
     /// Share of the picture that shows the subject.
-    pub filled: f64,
+    pub coverage: f64,
 }
 
-/// Known facts about a scene.
+/// A scene in which a viewpoint is chosen.
 #[derive(Clone, Copy)]
-pub struct Scenery<'a> {
+pub struct ViewpointInput<'a> {
     /// Corners of a triangle, by its number.
     pub corners: &'a dyn Fn(usize) -> [Vec3; 3],
-    /// Whether a triangle is drawn from its front only.
+    /// True for a triangle that is drawn from its front only.
     pub is_single_sided: &'a dyn Fn(usize) -> bool,
     /// Number of triangles, without the far shell.
     pub count: usize,
-    /// The known cameras of its photos.
+    /// Cameras of its photos, if any.
     pub cameras: &'a [Camera],
-    /// The direction that points up.
+    /// Up direction.
     pub up: Vec3,
-    /// Distance from a place at which the scene is closed; infinite when it is open.
-    pub room: &'a dyn Fn(Vec3) -> f32,
+    /// Distance from a place to the far shell; infinite without one.
+    pub enclosure_distance: &'a dyn Fn(Vec3) -> f32,
 }
 
 /// The first viewpoint of a scene; `None` without extent.
-pub fn viewpoint(scenery: &Scenery<'_>) -> Option<Chosen> {
-    let middle = |face: usize| centroid((scenery.corners)(face));
-    // The subject uses no more of them.
-    let step = scenery.count.div_ceil(MAX_POINTS).max(1);
-    let middles: Vec<Vec3> = (0..scenery.count).step_by(step).map(middle).collect();
+pub fn viewpoint(input: &ViewpointInput<'_>) -> Option<ChosenViewpoint> {
+    let middle = |face: usize| centroid((input.corners)(face));
+    // The subject needs no more points.
+    let step = input.count.div_ceil(MAX_POINTS).max(1);
+    let middles: Vec<Vec3> = (0..input.count).step_by(step).map(middle).collect();
     // The middle of a single triangle has no extent, its corners have.
-    let corners = || (0..scenery.count).step_by(step).flat_map(scenery.corners).collect::<Vec<_>>();
-    let subject = Subject::of(&middles, scenery.cameras).or_else(|| Subject::around(&corners()))?;
-    let mut survey = Survey::new(scenery.corners, scenery.is_single_sided, scenery.count, subject);
-    let mut judge = |candidate: Candidate| {
-        let sight = survey.look(&candidate.camera);
-        Judged { candidate, sight, worth: worth(&candidate.camera, &sight, scenery.up) }
+    let corners = || (0..input.count).step_by(step).flat_map(input.corners).collect::<Vec<_>>();
+    let subject = Subject::of(&middles, input.cameras).or_else(|| Subject::around(&corners()))?;
+    let mut probe =
+        VisibilityProbe::new(input.corners, input.is_single_sided, input.count, subject);
+    let mut score_candidate = |candidate: ViewpointCandidate| {
+        let visibility = probe.measure(&candidate.camera);
+        ScoredCandidate {
+            candidate,
+            visibility,
+            score: score(&candidate.camera, &visibility, input.up),
+        }
     };
-    let of_photos = of_photos(scenery.cameras, subject, scenery.up);
-    let best = match best(of_photos.into_iter().map(&mut judge)) {
-        Some(photo) if photo.worth > 0.0 => photo,
-        _ => around(subject, scenery, &mut judge)?,
+    let photos = photo_candidates(input.cameras, subject, input.up);
+    let best = match best(photos.into_iter().map(&mut score_candidate)) {
+        Some(photo) if photo.score > 0.0 => photo,
+        _ => best_around(subject, input, &mut score_candidate)?,
     };
-    let Judged { candidate, sight, .. } = best;
-    let viewpoint = looking(&candidate.camera, subject, scenery.up);
-    let viewpoint = Viewpoint { orbit: orbit_range(&viewpoint, scenery.cameras), ..viewpoint };
-    Some(Chosen { viewpoint, photo: candidate.photo, filled: f64::from(sight.filled) })
+    let ScoredCandidate { candidate, visibility, .. } = best;
+    let viewpoint = viewpoint_of(&candidate.camera, subject, input.up);
+    let viewpoint = Viewpoint { orbit: orbit_range(&viewpoint, input.cameras), ..viewpoint };
+    Some(ChosenViewpoint {
+        viewpoint,
+        photo: candidate.photo,
+        coverage: f64::from(visibility.coverage),
+    })
 }
 
 /// A candidate and its view.
-struct Judged {
-    candidate: Candidate,
-    sight: Sight,
-    worth: f32,
+struct ScoredCandidate {
+    candidate: ViewpointCandidate,
+    visibility: SubjectVisibility,
+    score: f32,
 }
 
 /// The best place around the subject.
-fn around(
+fn best_around(
     subject: Subject,
-    scenery: &Scenery<'_>,
-    judge: &mut impl FnMut(Candidate) -> Judged,
-) -> Option<Judged> {
-    let room = ROOM * (scenery.room)(subject.center);
-    let ring = |sine, nearer| ring(subject, scenery.up, sine, nearer, room);
-    let mut chosen: Option<(usize, Judged)> = None;
-    for nearer in NEARER {
-        let judged: Vec<Judged> =
-            ring(ELEVATIONS[0], nearer).into_iter().map(&mut *judge).collect();
-        let found = judged
+    input: &ViewpointInput<'_>,
+    score_candidate: &mut impl FnMut(ViewpointCandidate) -> ScoredCandidate,
+) -> Option<ScoredCandidate> {
+    let max_distance = MAX_ENCLOSURE_SHARE * (input.enclosure_distance)(subject.center);
+    let ring = |sine, nearer| ring(subject, input.up, sine, nearer, max_distance);
+    let mut chosen: Option<(usize, ScoredCandidate)> = None;
+    for nearer in RELATIVE_DISTANCES {
+        let scored: Vec<ScoredCandidate> =
+            ring(ELEVATIONS[0], nearer).into_iter().map(&mut *score_candidate).collect();
+        let best_of_ring = scored
             .into_iter()
             .enumerate()
-            .reduce(|a, b| if b.1.worth > a.1.worth { b } else { a })?;
-        if chosen.as_ref().is_none_or(|(_, before)| found.1.worth > NEARER_GAIN * before.worth) {
-            let higher = ELEVATIONS[1..].iter().map(|sine| judge(ring(*sine, nearer)[found.0]));
-            let best = higher.fold(found.1, |a, b| if b.worth > a.worth { b } else { a });
-            chosen = Some((found.0, best));
+            .reduce(|a, b| if b.1.score > a.1.score { b } else { a })?;
+        if chosen
+            .as_ref()
+            .is_none_or(|(_, before)| best_of_ring.1.score > NEARER_GAIN * before.score)
+        {
+            let higher = ELEVATIONS[1..]
+                .iter()
+                .map(|sine| score_candidate(ring(*sine, nearer)[best_of_ring.0]));
+            let best = higher.fold(best_of_ring.1, |a, b| if b.score > a.score { b } else { a });
+            chosen = Some((best_of_ring.0, best));
         }
     }
-    chosen.map(|(_, judged)| judged)
+    chosen.map(|(_, scored)| scored)
 }
 
 /// The first of the best.
-fn best(judged: impl Iterator<Item = Judged>) -> Option<Judged> {
-    judged.reduce(|a, b| if b.worth > a.worth { b } else { a })
+fn best(scored: impl Iterator<Item = ScoredCandidate>) -> Option<ScoredCandidate> {
+    scored.reduce(|a, b| if b.score > a.score { b } else { a })
 }
 
 /// Score of a camera's view of the subject, 0 or more.
-fn worth(camera: &Camera, sight: &Sight, up: Vec3) -> f32 {
+fn score(camera: &Camera, visibility: &SubjectVisibility, up: Vec3) -> f32 {
     let sine = -camera.rotation.row(2).dot(up);
     let off = (sine - BEST_ELEVATION) / ELEVATION_SPREAD;
     let elevation = 1.0 / (1.0 + off * off);
-    let large = (sight.filled / LARGE).min(1.0);
-    let clear = (1.0 - sight.blocked).powi(2);
-    sight.seen * sight.framed * sight.framed * large * clear * elevation
+    let large = (visibility.coverage / LARGE_COVERAGE).min(1.0);
+    let clear = (1.0 - visibility.obstruction).powi(2);
+    visibility.visible * visibility.in_frame * visibility.in_frame * large * clear * elevation
 }
 
 /// The viewpoint of a camera. It orbits the subject, or a point ahead if it looks elsewhere.
-fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
+fn viewpoint_of(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
     let eye = camera.position();
     let forward = camera.rotation.row(2);
     let depth = (subject.center - eye).dot(forward);
@@ -136,8 +151,8 @@ fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
     // A window may be narrower than the photo, so the photo's horizontal angle becomes the vertical
     // one. Nothing is missing beyond it where nothing surrounds the subject.
     let needed = half_tangent(subject.radius, depth.max(subject.radius), MAX_SINE);
-    let most = if subject.is_alone { needed } else { needed.min(wide) };
-    let fov = 2.0 * libm::atan(f64::from(high.max(most)));
+    let half_tangent = if subject.is_alone { needed } else { needed.min(wide) };
+    let fov = 2.0 * libm::atan(f64::from(high.max(half_tangent)));
     Viewpoint {
         eye,
         target,
@@ -150,22 +165,22 @@ fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
 
 /// The camera of a viewpoint for a picture of `size` that shows the whole subject, independent of
 /// the viewpoint's lens.
-fn camera_holding(viewpoint: &Viewpoint, size: UVec2) -> Camera {
+fn camera_with_subject(viewpoint: &Viewpoint, size: UVec2) -> Camera {
     let camera = viewpoint.camera(size);
     let Some(radius) = viewpoint.radius else { return camera };
     let needed = half_tangent(radius as f32, viewpoint.distance(), MAX_SINE);
-    let most = size.min_element() as f32 / (2.0 * needed);
-    Camera { focal: camera.focal.min(Vec2::splat(most)), ..camera }
+    let max_focal = size.min_element() as f32 / (2.0 * needed);
+    Camera { focal: camera.focal.min(Vec2::splat(max_focal)), ..camera }
 }
 
 /// `count` cameras for pictures of `size` on the circle that begins at `viewpoint` and goes around
-/// its subject. All of the subject stays in the picture. `up` is the axis that points up; `room`
-/// gives the distance from the target at which something closes the scene in a direction: a camera
-/// behind that moves closer.
+/// its subject. All of the subject stays in the picture. `up` is the up direction;
+/// `enclosure_distance` gives the distance from the target to the far shell in a direction: a
+/// camera behind the shell moves closer.
 pub fn orbit(
     viewpoint: &Viewpoint,
     up: Vec3,
-    room: &dyn Fn(Vec3) -> f32,
+    enclosure_distance: &dyn Fn(Vec3) -> f32,
     size: UVec2,
     count: u32,
 ) -> Vec<Camera> {
@@ -175,15 +190,15 @@ pub fn orbit(
     let start = from.reject_from(up);
     let x = start.try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
     let y = up.cross(x);
-    let lens = camera_holding(viewpoint, size);
+    let lens = camera_with_subject(viewpoint, size);
     let place = |k: u32| {
         let (sin, cos) = (TAU * k as f32 / count as f32).sin_cos();
         let on_circle = target + up * height + (x * cos + y * sin) * start.length();
         let away = lens.with_look_at(on_circle, target, up).position() - target;
         let way = away.normalize_or(up.any_orthonormal_vector());
-        let eye = target + way * away.length().min(ROOM * room(way));
-        let held = Viewpoint { eye: eye.as_dvec3().to_array(), ..*viewpoint };
-        camera_holding(&held, size).with_look_at(eye, target, up)
+        let eye = target + way * away.length().min(MAX_ENCLOSURE_SHARE * enclosure_distance(way));
+        let moved = Viewpoint { eye: eye.as_dvec3().to_array(), ..*viewpoint };
+        camera_with_subject(&moved, size).with_look_at(eye, target, up)
     };
     (0..count).map(place).collect()
 }
@@ -191,11 +206,11 @@ pub fn orbit(
 /// Widest lens for a narrow picture: the sine of half its angle.
 const MAX_SINE: f32 = 0.85;
 
-/// Maximum number of photos that are tried.
+/// Maximum number of photos among the candidates.
 const MAX_PHOTOS: usize = 64;
-/// Field of view of places around the subject, degrees; the tangents of its half.
+/// Tangent of half the field of view of places around the subject.
 const HALF_FOV_TAN: f32 = 0.414_213_57; // 45 degrees
-/// Directions around the subject.
+/// Number of directions around the subject.
 const AROUND: usize = 12;
 /// Size of a picture from around, in sizes of the subject.
 const MARGIN: f32 = 1.1;
@@ -206,14 +221,14 @@ const SIZE: UVec2 = UVec2::new(960, 720);
 
 /// A place to look from.
 #[derive(Debug, Clone, Copy)]
-struct Candidate {
+struct ViewpointCandidate {
     camera: Camera,
-    /// The number of its photo, if any.
+    /// Number of its photo, if any.
     photo: Option<usize>,
 }
 
 /// The cameras of photos, made level, and turned to the subject if they show its middle.
-fn of_photos(cameras: &[Camera], subject: Subject, up: Vec3) -> Vec<Candidate> {
+fn photo_candidates(cameras: &[Camera], subject: Subject, up: Vec3) -> Vec<ViewpointCandidate> {
     let step = cameras.len().div_ceil(MAX_PHOTOS).max(1);
     let level = |photo: usize| {
         let camera = &cameras[photo];
@@ -224,25 +239,31 @@ fn of_photos(cameras: &[Camera], subject: Subject, up: Vec3) -> Vec<Candidate> {
             eye + camera.rotation.row(2)
         };
         let camera = Camera { center: camera.size.as_vec2() / 2.0, ..*camera };
-        Candidate { camera: camera.with_look_at(eye, target, up), photo: Some(photo) }
+        ViewpointCandidate { camera: camera.with_look_at(eye, target, up), photo: Some(photo) }
     };
     (0..cameras.len()).step_by(step).map(level).collect()
 }
 
 /// Tangent of half the visual angle of a ball at a distance, at most that of an angle with this
 /// sine.
-fn half_tangent(radius: f32, distance: f32, most_sine: f32) -> f32 {
-    let sine = (radius / distance).min(most_sine);
+fn half_tangent(radius: f32, distance: f32, max_sine: f32) -> f32 {
+    let sine = (radius / distance).min(max_sine);
     sine / (1.0 - sine * sine).sqrt()
 }
 
 /// A ring of cameras around the subject at an elevation of this sine. Their distance shows the
-/// whole subject, times `nearer`. In a scene that is closed at the distance `room`, they stay
-/// inside and have a wider lens.
-fn ring(subject: Subject, up: Vec3, sine: f32, nearer: f32, room: f32) -> Vec<Candidate> {
+/// whole subject, times `nearer`, and is at most `max_distance`, with a wider lens, inside a far
+/// shell.
+fn ring(
+    subject: Subject,
+    up: Vec3,
+    sine: f32,
+    nearer: f32,
+    max_distance: f32,
+) -> Vec<ViewpointCandidate> {
     let sin_half = HALF_FOV_TAN / (1.0 + HALF_FOV_TAN * HALF_FOV_TAN).sqrt();
     let whole = MARGIN * subject.radius / sin_half;
-    let distance = (nearer * whole).min(room);
+    let distance = (nearer * whole).min(max_distance);
     // The lens that shows the whole subject from there, if it must be wider.
     let tangent = half_tangent(MARGIN * subject.radius, distance, MAX_SINE_AROUND);
     let focal = Vec2::splat(SIZE.y as f32 / (2.0 * tangent.max(HALF_FOV_TAN)));
@@ -253,13 +274,12 @@ fn ring(subject: Subject, up: Vec3, sine: f32, nearer: f32, room: f32) -> Vec<Ca
         .map(|[cos, sin]| {
             let eye = subject.center + distance * (up * sine + (x * cos + y * sin) * cosine);
             let lens = Camera::look_at(eye, subject.center, up, 1.0, SIZE);
-            Candidate { camera: Camera { focal, ..lens }, photo: None }
+            ViewpointCandidate { camera: Camera { focal, ..lens }, photo: None }
         })
         .collect()
 }
 
-/// Cosines and sines of twelve directions around a circle, as constants, so that they are the same
-/// on every system.
+/// Cosines and sines of twelve directions around a circle, as constants: the same on every system.
 fn directions() -> impl Iterator<Item = [f32; 2]> {
     const HALF_ROOT_3: f32 = 0.866_025_4;
     let quarter = [[1.0, 0.0], [HALF_ROOT_3, 0.5], [0.5, HALF_ROOT_3]];
@@ -293,17 +313,17 @@ mod tests {
         faces.iter().map(|face| face.map(|i| corners[i as usize])).collect()
     }
 
-    fn of(triangles: &[[Vec3; 3]], cameras: &[Camera]) -> Chosen {
+    fn of(triangles: &[[Vec3; 3]], cameras: &[Camera]) -> ChosenViewpoint {
         let corners = |face: usize| triangles[face];
         let count = triangles.len();
-        let room = |_: Vec3| f32::INFINITY;
-        viewpoint(&Scenery {
+        let enclosure_distance = |_: Vec3| f32::INFINITY;
+        viewpoint(&ViewpointInput {
             corners: &corners,
             is_single_sided: &|_| false,
             count,
             cameras,
             up: Vec3::Y,
-            room: &room,
+            enclosure_distance: &enclosure_distance,
         })
         .expect("it has extent")
     }
@@ -313,7 +333,7 @@ mod tests {
         let chosen = of(&[[Vec3::ZERO, Vec3::X, Vec3::Y]], &[]);
         let camera = chosen.viewpoint.camera(UVec2::new(120, 120));
         assert!(
-            camera.is_in_frustum(Vec3::new(0.4, 0.4, 0.0)) && chosen.filled > 0.1,
+            camera.is_in_frustum(Vec3::new(0.4, 0.4, 0.0)) && chosen.coverage > 0.1,
             "{chosen:?}"
         );
     }
@@ -338,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_in_the_way_of_one_photo_does_not_in_that_of_another() {
+    fn an_obstacle_before_one_photo_leaves_the_others() {
         let mut triangles = ball();
         // A wall right before the first camera.
         let wall = |x: f32, y: f32| Vec3::new(0.3 * x, 0.3 * y, 3.0);
@@ -357,14 +377,14 @@ mod tests {
         assert!((0.05..0.7).contains(&sine), "{chosen:?}");
         let camera = chosen.viewpoint.camera(UVec2::new(400, 300));
         assert!(ball().iter().flatten().all(|p| camera.is_in_frustum(*p)), "{chosen:?}");
-        assert!(chosen.filled > 0.2, "{chosen:?}");
+        assert!(chosen.coverage > 0.2, "{chosen:?}");
     }
 
     #[test]
     fn a_narrow_picture_holds_the_subject_too() {
         let chosen = of(&ball(), &[]);
         for size in [UVec2::new(390, 844), UVec2::new(844, 390), UVec2::new(400, 300)] {
-            let camera = camera_holding(&chosen.viewpoint, size);
+            let camera = camera_with_subject(&chosen.viewpoint, size);
             assert!(ball().iter().flatten().all(|p| camera.is_in_frustum(*p)), "{size}");
         }
     }
@@ -372,18 +392,18 @@ mod tests {
     #[test]
     fn a_scene_without_extent_has_none() {
         let corners = |_: usize| [Vec3::ONE; 3];
-        let room = |_: Vec3| f32::INFINITY;
+        let enclosure_distance = |_: Vec3| f32::INFINITY;
         let is_single_sided = &|_| false;
-        let scenery = Scenery {
+        let input = ViewpointInput {
             corners: &corners,
             is_single_sided,
             count: 5,
             cameras: &[LENS],
             up: Vec3::Y,
-            room: &room,
+            enclosure_distance: &enclosure_distance,
         };
-        assert_eq!(viewpoint(&scenery), None);
-        assert_eq!(viewpoint(&Scenery { count: 0, ..scenery }), None);
+        assert_eq!(viewpoint(&input), None);
+        assert_eq!(viewpoint(&ViewpointInput { count: 0, ..input }), None);
     }
 }
 
@@ -393,12 +413,12 @@ mod candidates_tests {
     use glam::Mat3;
 
     #[test]
-    fn a_ring_holds_the_subject_and_stays_in_its_room() {
+    fn a_ring_shows_the_subject_and_stays_inside_the_shell() {
         let subject = Subject { center: Vec3::new(1.0, 2.0, 3.0), radius: 2.0, is_alone: false };
         for (nearer, room) in [(1.0, f32::INFINITY), (1.0, 3.0), (0.6, f32::INFINITY)] {
             let ring = ring(subject, Vec3::Y, 0.4, nearer, room);
             assert_eq!(ring.len(), AROUND);
-            for Candidate { camera, .. } in &ring {
+            for ViewpointCandidate { camera, .. } in &ring {
                 let away = camera.position().distance(subject.center);
                 assert!(away <= room * 1.001 && away > subject.radius, "{away}");
                 assert!(
@@ -423,15 +443,15 @@ mod candidates_tests {
             size: UVec2::splat(100),
         };
         let away = Camera { rotation: Mat3::from_rotation_y(3.0), ..tilted };
-        let [seen, unseen] = of_photos(&[tilted, away], subject, Vec3::Y)[..] else {
+        let [facing, turned_away] = photo_candidates(&[tilted, away], subject, Vec3::Y)[..] else {
             panic!("two photos")
         };
-        let at = seen.camera.rotation * subject.center + seen.camera.translation;
+        let at = facing.camera.rotation * subject.center + facing.camera.translation;
         assert!(at.truncate().length() < 1e-4 && at.z > 0.0);
-        for candidate in [seen, unseen] {
+        for candidate in [facing, turned_away] {
             assert!((candidate.camera.rotation * Vec3::Y).x.abs() < 1e-5, "level");
         }
-        assert!(unseen.camera.rotation.row(2).z < 0.0, "looks where it looked");
+        assert!(turned_away.camera.rotation.row(2).z < 0.0, "looks where it looked");
     }
 }
 

@@ -2,7 +2,7 @@
 //! touch.
 
 use crate::kernel::sh;
-use crate::soft::splats::{DepthKey, by_depth};
+use crate::soft::projected::{DepthKey, by_depth};
 use crate::soft::{MARGIN, TILE, tile_count};
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat_scene::camera::Camera;
@@ -20,7 +20,7 @@ pub(super) const MIN_TRANSMITTANCE: f32 = 1e-4;
 /// view.
 pub(super) const VIEW_GUARD: f32 = 1.3;
 
-/// How to draw.
+/// Drawing options.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GaussianOptions {
     /// Colour behind everything, sRGB-encoded.
@@ -34,11 +34,11 @@ pub struct GaussianOptions {
 const NEAR_PER_SIZE: f64 = 0.01;
 
 impl GaussianOptions {
-    /// For `splats` of any size, over a background, sRGB-encoded.
+    /// Options for `splats` of any size, over a background, sRGB-encoded.
     pub fn suited_to(splats: &Splats, background: [f32; 3]) -> Self {
-        let usual = Self::default().near;
+        let default_near = Self::default().near;
         let (_, size) = spread(&splats.positions);
-        let near = usual.min((size * NEAR_PER_SIZE) as f32).max(f32::MIN_POSITIVE);
+        let near = default_near.min((size * NEAR_PER_SIZE) as f32).max(f32::MIN_POSITIVE);
         Self { background, near }
     }
 }
@@ -66,7 +66,7 @@ pub(super) struct Ellipse {
     pub(super) rgb: [f32; 3],
     /// Depth of the middle, > 0.
     pub(super) depth: f32,
-    /// Which Gaussian of the scene it is.
+    /// Index of its Gaussian in the scene.
     pub(super) gaussian: u32,
 }
 
@@ -82,8 +82,8 @@ impl Ellipse {
     }
 }
 
-/// What all Gaussians of a picture share.
-struct Projector<'a> {
+/// Projects the Gaussians of a picture.
+struct GaussianProjector<'a> {
     splats: &'a Splats,
     camera: &'a Camera,
     near: f32,
@@ -94,7 +94,7 @@ struct Projector<'a> {
 /// All Gaussians that may be seen, in the order of the scene.
 pub(super) fn all(splats: &Splats, camera: &Camera, options: &GaussianOptions) -> Vec<Ellipse> {
     let guard = camera.size.as_vec2() / camera.focal * (0.5 * VIEW_GUARD);
-    let projector = Projector { splats, camera, near: options.near, guard };
+    let projector = GaussianProjector { splats, camera, near: options.near, guard };
     let tasks: Vec<Vec<Ellipse>> =
         parallel::map((0..splats.len()).step_by(PER_TASK), |_, first| {
             let some = first..(first + PER_TASK).min(splats.len());
@@ -114,7 +114,7 @@ pub(super) fn front_to_back(ellipses: &[Ellipse]) -> Vec<u32> {
     keys.iter().map(|key| key.index).collect()
 }
 
-impl Projector<'_> {
+impl GaussianProjector<'_> {
     /// One Gaussian; `None` when it is too near, too faint, or beside the picture.
     fn project(&self, i: usize) -> Option<Ellipse> {
         let splats = self.splats;
@@ -134,14 +134,14 @@ impl Projector<'_> {
         let determinant = sharp + blur * (xx + yy) + blur * blur;
         let xx = xx + blur;
         let yy = yy + blur;
-        let kept = if splats.filter.keeps_light { (sharp / determinant).sqrt() } else { 1.0 };
+        let light_kept = if splats.filter.keeps_light { (sharp / determinant).sqrt() } else { 1.0 };
         let half_log2_e = std::f32::consts::LOG2_E * 0.5;
         let ellipse = Ellipse {
             middle: tangent * camera.focal + camera.center,
             along: (half_log2_e * yy / determinant).sqrt(),
             shear: -xy * (half_log2_e / (yy * determinant)).sqrt(),
             down: (half_log2_e / yy).sqrt(),
-            level: (splats.opacity[i] * kept).log2(),
+            level: (splats.opacity[i] * light_kept).log2(),
             rgb: [0.0; 3],
             depth: at.z,
             gaussian: i as u32,
@@ -158,8 +158,8 @@ impl Projector<'_> {
         let low = ellipse.middle - half;
         let high = ellipse.middle + half;
         let size = camera.size.as_vec2();
-        let seen = high.x >= 0.0 && high.y >= 0.0 && low.x <= size.x && low.y <= size.y;
-        seen.then(|| Ellipse { rgb: self.color(i, at), ..ellipse })
+        let is_in_picture = high.x >= 0.0 && high.y >= 0.0 && low.x <= size.x && low.y <= size.y;
+        is_in_picture.then(|| Ellipse { rgb: self.color(i, at), ..ellipse })
     }
 
     /// The two rows of J W R S, whose products are the covariance on the screen.
@@ -196,7 +196,7 @@ const TILE_PX: f32 = TILE as f32;
 
 /// An ellipse in a row of tiles.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Run {
+pub(super) struct TileRun {
     pub(super) ellipse: u32,
     /// First and last tile.
     first: u16,
@@ -207,7 +207,7 @@ pub(super) struct Run {
 #[derive(Debug)]
 pub(super) struct Rows {
     /// `[parts][rows]`
-    parts: Vec<Vec<Vec<Run>>>,
+    parts: Vec<Vec<Vec<TileRun>>>,
     pub(super) count: UVec2,
 }
 
@@ -223,14 +223,16 @@ pub(super) fn bin(ellipses: &[Ellipse], order: &[u32], size: UVec2) -> Rows {
     let count = tile_count(size);
     let parts = parallel::map(order.chunks(BINNED_PER_TASK), |_, ranks| {
         let mut rows = vec![Vec::new(); count.y as usize];
-        ranks.iter().for_each(|at| add(&ellipses[*at as usize], *at, size, &mut rows));
+        for at in ranks {
+            add(&ellipses[*at as usize], *at, size, &mut rows);
+        }
         rows
     });
     Rows { parts, count }
 }
 
 /// Adds an ellipse to the rows that it touches.
-fn add(ellipse: &Ellipse, index: u32, size: UVec2, rows: &mut [Vec<Run>]) {
+fn add(ellipse: &Ellipse, index: u32, size: UVec2, rows: &mut [Vec<TileRun>]) {
     let half = ellipse.half_height() + MARGIN;
     let top = ellipse.middle.y - half;
     let bottom = ellipse.middle.y + half;
@@ -242,13 +244,12 @@ fn add(ellipse: &Ellipse, index: u32, size: UVec2, rows: &mut [Vec<Run>]) {
         let left = ellipse.middle.x + left - MARGIN;
         let right = ellipse.middle.x + right + MARGIN;
         if let Some((first, last)) = tiles_between(left, right, size.x) {
-            rows[usize::from(row)].push(Run { ellipse: index, first, last });
+            rows[usize::from(row)].push(TileRun { ellipse: index, first, last });
         }
     }
 }
 
-/// How far the part of an ellipse between two heights extends to the left and right of its middle,
-/// px.
+/// Left and right end of the part of an ellipse between two heights, from its middle, px.
 fn extent(ellipse: &Ellipse, from: f32, to: f32) -> Option<(f32, f32)> {
     let Ellipse { along, shear, down, .. } = *ellipse;
     let reach = ellipse.reach_squared();
@@ -282,9 +283,9 @@ impl Rows {
         let runs = || self.parts.iter().flat_map(|part| &part[row]);
         let mut starts = vec![0u32; self.count.x as usize + 1];
         for run in runs() {
-            starts[usize::from(run.first)..=usize::from(run.last)]
-                .iter_mut()
-                .for_each(|count| *count += 1);
+            for count in &mut starts[usize::from(run.first)..=usize::from(run.last)] {
+                *count += 1;
+            }
         }
         let mut sum = 0;
         for start in &mut starts {

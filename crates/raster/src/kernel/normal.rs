@@ -147,13 +147,13 @@ mod tests {
     const WIDTH: usize = 7;
     const COUNT: usize = WIDTH * 6;
 
-    struct Scene {
+    struct TestMaps {
         depth: Vec<f64>,
         transmittance: Vec<f64>,
         normal: Vec<[f64; 3]>,
     }
 
-    impl Scene {
+    impl TestMaps {
         fn new() -> Self {
             let rng = Rng::new(2, "maps", 0);
             let transmittance: Vec<f64> =
@@ -192,15 +192,15 @@ mod tests {
 
     #[test]
     fn gradient_is_the_derivative() {
-        let scene = Scene::new();
+        let scene = TestMaps::new();
         let coverages: Vec<f64> = scene.transmittance.iter().map(|t| 1.0 - t).collect();
         let mut grad = MapsGrad::default();
         let loss = normal_grad(&scene.maps(), 1.0, &mut grad);
         assert!((loss - scene.loss(&coverages)).abs() < 1e-12 && loss > 0.0);
         let h = 1e-6;
-        let check = |name: &str, i: usize, g: f64, change: &dyn Fn(&mut Scene, f64)| {
+        let check = |name: &str, i: usize, g: f64, change: &dyn Fn(&mut TestMaps, f64)| {
             let at = |h: f64| {
-                let mut moved = Scene::new();
+                let mut moved = TestMaps::new();
                 change(&mut moved, h);
                 moved.loss(&coverages)
             };
@@ -216,7 +216,7 @@ mod tests {
 
     #[test]
     fn a_plane_drawn_with_its_own_normal_costs_nothing() {
-        let mut scene = Scene::new();
+        let mut scene = TestMaps::new();
         scene.depth.fill(4.0);
         scene.transmittance.fill(0.0);
         scene.normal.fill([0.0, 0.0, -1.0]);
@@ -226,7 +226,7 @@ mod tests {
 
     #[test]
     fn an_empty_picture_has_no_loss_and_no_gradient() {
-        let mut scene = Scene::new();
+        let mut scene = TestMaps::new();
         scene.depth.fill(0.0);
         scene.transmittance.fill(1.0);
         let mut grad = MapsGrad::default();

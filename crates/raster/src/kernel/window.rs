@@ -113,7 +113,7 @@ pub fn blend_grad<R: Real>(
     transmittance.mul_add(value, -through)
 }
 
-/// Whether a layer takes the transmittance from 1/2 or more to less: it holds the median depth.
+/// True for a layer that takes the transmittance from 1/2 or more to less: it has the median depth.
 #[inline(always)]
 pub(crate) fn is_median<R: Real>(before: R, after: R) -> R::Mask {
     let half = R::of(0.5);

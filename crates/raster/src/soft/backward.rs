@@ -4,10 +4,10 @@ use super::frame::{FrameGrad, SoftOptions, Sort, Window};
 use super::layers::{
     BlockLayers, BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelLimits,
 };
+use super::projected::{PREFETCH_AHEAD, ProjectedTriangles};
 use super::slots::{
     DRAWN, ERROR, GeometryGradSlot, GradSlot, GradSlots, OPACITY, RATIO, RGB, SIGMA,
 };
-use super::splats::{PREFETCH_AHEAD, Splats};
 use super::tiles::{
     self, BLOCKS, TileChannel, TileEntry, TileGeometry, TilePixels, Tiles, split_by_tile,
 };
@@ -19,7 +19,7 @@ use trisplat_scene::parallel;
 
 /// Fills `slots` with the gradients of every (splat, tile) pair.
 pub(super) fn draw_grad(
-    splats: &Splats,
+    splats: &ProjectedTriangles,
     tiles: &Tiles,
     pixels: &[TilePixels],
     options: &SoftOptions,
@@ -53,7 +53,7 @@ pub(super) fn draw_grad(
 
 /// One tile.
 struct TileBackward<'a> {
-    splats: &'a Splats,
+    splats: &'a ProjectedTriangles,
     entries: &'a [TileEntry],
     slots: &'a mut [GradSlot],
     /// Empty when there is no geometry.

@@ -4,8 +4,8 @@ use super::frame::{SoftOptions, Sort};
 use super::layers::{
     BlockLayers, BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelLimits,
 };
+use super::projected::{PREFETCH_AHEAD, ProjectedTriangles};
 use super::slots::{CountedPixels, WeightSlot};
-use super::splats::{PREFETCH_AHEAD, Splats};
 use super::tiles::{
     self, BLOCKS, TILE, TileChannel, TileEntry, TileGeometry, TilePixels, Tiles, split_by_tile,
 };
@@ -18,11 +18,11 @@ use trisplat_scene::parallel;
 /// The part of the splats that is drawn at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Slab {
-    /// All of them.
+    /// All splats.
     Whole,
-    /// The nearest ones, onto blank pixels.
+    /// The nearest splats, onto blank pixels.
     First,
-    /// Those behind the layers drawn already.
+    /// The splats behind the layers drawn already.
     Next,
 }
 
@@ -30,7 +30,7 @@ pub(super) enum Slab {
 /// and, if the options require it, the weight of each entry into `weights`. Draws the background
 /// only for a frame in one part; otherwise [`background`] does.
 pub(super) fn draw(
-    splats: &Splats,
+    splats: &ProjectedTriangles,
     tiles: &mut Tiles,
     slab: Slab,
     pixels: &mut Vec<TilePixels>,
@@ -85,9 +85,9 @@ impl Work for DrawBackground<'_> {
     }
 }
 
-/// One tile.
+/// Draws one tile.
 struct DrawTile<'a> {
-    splats: &'a Splats,
+    splats: &'a ProjectedTriangles,
     entries: &'a mut [TileEntry],
     /// Empty without importance.
     weights: &'a mut [WeightSlot],

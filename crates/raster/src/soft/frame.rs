@@ -1,5 +1,5 @@
-//! What the soft rasteriser takes and returns: options and a soup in, a frame out, and the
-//! gradients of both.
+//! Inputs and outputs of the soft rasteriser: options and a soup in, a frame out, and the gradients
+//! of both.
 
 use glam::{UVec2, Vec3};
 use std::ops::Range;
@@ -16,7 +16,7 @@ pub enum Sort {
     Pixel,
 }
 
-/// How a triangle ends at its edges.
+/// The window of a triangle at its edges.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Window {
     /// Held et al. 2025, eq. 1.
@@ -30,10 +30,10 @@ pub enum Window {
     },
 }
 
-/// How to draw.
+/// Drawing options.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SoftOptions {
-    /// How triangles end at their edges.
+    /// The window of triangles at their edges.
     pub window: Window,
     /// Colour behind everything, sRGB-encoded.
     pub background: [f32; 3],
@@ -55,13 +55,12 @@ pub struct SoftOptions {
     /// Minimum ratio at which ∂I/∂ratio is evaluated, which limits the steepness of the window; 0 is
     /// exact.
     pub ratio_least: f32,
-    /// Whether depth, normal and distortion are drawn too.
+    /// Draw depth, normal and distortion too.
     pub geometry: bool,
     /// Depths that the distortion maps to 0 and 1 (0.2 and 100 in the reference code).
     pub depth_range: [f32; 2],
-    /// Whether the weights for
-    /// [`SoftRasterizer::accumulate_importance`](super::SoftRasterizer::accumulate_importance) are
-    /// summed.
+    /// Sum the weights for
+    /// [`SoftRasterizer::accumulate_importance`](super::SoftRasterizer::accumulate_importance).
     pub importance: bool,
 }
 
@@ -86,11 +85,11 @@ impl Default for SoftOptions {
 }
 
 impl SoftOptions {
-    /// With the alpha cap raised to the least of these opacities, as at the end of training, so
+    /// Raises the alpha cap to the minimum of these opacities, as at the end of training, so
     /// that an entirely solid soup is drawn without leaks. `[N]`
     pub fn with_cap_for(self, opacity: &[f32]) -> Self {
-        let least = opacity.iter().copied().fold(1.0, f32::min);
-        Self { alpha_cap: self.alpha_cap.max(least), ..self }
+        let min_opacity = opacity.iter().copied().fold(1.0, f32::min);
+        Self { alpha_cap: self.alpha_cap.max(min_opacity), ..self }
     }
 
     /// The background in the encoding of blending.
@@ -226,7 +225,7 @@ pub struct SoupGrad {
 }
 
 impl SoupGrad {
-    /// Those of the visible triangles that are in a range.
+    /// The visible triangles in a range.
     pub fn visible_in(&self, triangles: Range<usize>) -> &[u32] {
         let at = |end: usize| self.visible.partition_point(|&t| (t as usize) < end);
         &self.visible[at(triangles.start)..at(triangles.end)]

@@ -2,11 +2,11 @@
 //! those of corners sixteen splats at once.
 
 use super::frame::{SoftOptions, SoupGrad, SoupRef, Window};
-use super::slots::{ERROR, GEOMETRY_SUMS, GradSlots, OPACITY, RATIO, RGB, SIGMA, SplatSums};
-use super::splats::{
+use super::projected::{
     CHUNK, Columns, KernelCamera, ProjectedSplat, SplatChunk, UnclippedTriangle, broadcast,
     columns, direction, flat, load2, load3, put, triangles, vec3,
 };
+use super::slots::{ERROR, GEOMETRY_SUMS, GradSlots, OPACITY, RATIO, RGB, SIGMA, SplatSums};
 use super::tiles::Tiles;
 use crate::kernel::sh;
 use crate::kernel::splat::{self, CameraTriangle, DepthPlaneGrad, SplatGrad};

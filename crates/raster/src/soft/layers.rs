@@ -6,7 +6,7 @@
 //! else is summed layer by layer as usual.
 
 use super::frame::{SoftOptions, Window};
-use super::splats::{SplatRecord, Splats};
+use super::projected::{ProjectedTriangles, SplatRecord};
 use super::tiles::{BLOCKS, LANE_X, LANE_Y, TileEntry, block_corner};
 use crate::kernel::splat::DepthPlane;
 use crate::kernel::window;
@@ -30,7 +30,7 @@ pub(super) struct BroadcastSplat<L> {
 pub(super) struct PixelLimits<L> {
     pub(super) cap: L,
     pub(super) min_transmittance: L,
-    /// How triangles end at their edges.
+    /// The window at the edges of triangles.
     pub(super) window: Window,
 }
 
@@ -292,7 +292,7 @@ impl BlockLayers {
 
     /// Begins a tile: sorts its entries by block, as most are in few of them.
     #[inline(always)]
-    pub(super) fn begin(&mut self, entries: &[TileEntry], splats: &Splats) {
+    pub(super) fn begin(&mut self, entries: &[TileEntry], splats: &ProjectedTriangles) {
         let mut next = [0; BLOCKS];
         for e in entries {
             prefetch(&splats.records[e.splat as usize]);
@@ -320,7 +320,7 @@ impl BlockLayers {
     pub(super) fn find<L: Lanes>(
         &mut self,
         entries: &[TileEntry],
-        splats: &Splats,
+        splats: &ProjectedTriangles,
         corner: UVec2,
         b: usize,
         options: &SoftOptions,
@@ -434,7 +434,7 @@ impl BlockLayers {
         &self,
         i: usize,
         entries: &[TileEntry],
-        splats: &Splats,
+        splats: &ProjectedTriangles,
     ) -> (&BlockLayer, BlockShade<L>) {
         let layer = &self.layers[i];
         let splat = BroadcastSplat::<L>::new(&splats.records[entries[layer.entry].splat as usize]);

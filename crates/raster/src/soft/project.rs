@@ -1,8 +1,8 @@
 //! Projects triangles to splats, sixteen at once, and orders them front to back.
 
 use super::frame::{SoftOptions, Sort, SoupRef, Window};
-use super::splats::{
-    self, CHUNK, Columns, DepthKey, KernelCamera, ProjectedSplat, Projection, ScreenBox,
+use super::projected::{
+    self, CHUNK, Columns, DepthKey, KernelCamera, ProjectedScene, ProjectedSplat, ScreenBox,
     SplatChunk, SplatRecord, UnclippedTriangle, broadcast, columns, direction, flat, numbers, put,
     triangles,
 };
@@ -15,7 +15,7 @@ use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch};
 use trisplat_scene::math::real::{Mask, V2, V3};
 use trisplat_scene::parallel::{self, GRAIN};
 
-impl Projection {
+impl ProjectedScene {
     /// Projects the triangles of a soup, chunk by chunk.
     pub(super) fn project(&mut self, soup: &SoupRef, camera: &Camera, options: &SoftOptions) {
         let camera = KernelCamera::new(camera);
@@ -38,7 +38,7 @@ impl Projection {
             };
             self.keys.extend(chunk.depths.iter().enumerate().map(key));
         }
-        splats::by_depth(&mut self.keys, &mut self.scratch);
+        projected::by_depth(&mut self.keys, &mut self.scratch);
         for (rank, key) in self.keys.iter().enumerate() {
             let from = key.index as usize;
             self.chunks[from / (2 * CHUNK)].projected[from % (2 * CHUNK)].rank = rank as u32;
@@ -320,7 +320,7 @@ fn is_finite<L: Lanes>(splat: &Splat<L>) -> L::Mask {
     sum.abs().le(L::splat(f32::MAX))
 }
 
-/// Whether a box has pixel centres, which lie in [0.5, size - 0.5]. A NaN passes no comparison.
+/// True for a box with pixel centres, which lie in [0.5, size - 0.5]. A NaN passes no comparison.
 #[inline(always)]
 fn is_inside<L: Lanes>([x0, y0, x1, y1]: &[L; 4], size: [f32; 2]) -> L::Mask {
     let zero = L::splat(0.0);

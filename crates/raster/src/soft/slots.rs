@@ -1,7 +1,7 @@
 //! Results of the passes per (splat, tile) pair, and their sums over tiles and views in a fixed
 //! order: gradients, and the importance of triangles.
 
-use super::splats::{CHUNK, ProjectedSplat, Projection};
+use super::projected::{CHUNK, ProjectedScene, ProjectedSplat};
 use super::tiles::{self, Tiles};
 use glam::UVec2;
 use trisplat_scene::math::lanes::{LANES, prefetch};
@@ -76,13 +76,14 @@ pub(super) fn prefetch_ahead<T>(
     values: &[T],
 ) {
     if let Some(ahead) = projected.get(i + SLOTS_AHEAD) {
-        tiles
-            .entries_of_splat(ahead.rank)
-            .iter()
-            .for_each(|entry| prefetch(&values[*entry as usize]));
+        for entry in tiles.entries_of_splat(ahead.rank) {
+            prefetch(&values[*entry as usize]);
+        }
     }
     if let Some(ahead) = projected.get(i + 3 * SLOTS_AHEAD) {
-        tiles.entries_of_splat(ahead.rank).first().into_iter().for_each(prefetch);
+        if let Some(entry) = tiles.entries_of_splat(ahead.rank).first() {
+            prefetch(entry);
+        }
     }
 }
 
@@ -120,14 +121,14 @@ impl SplatSums {
         out
     }
 
-    /// Whether the splat was drawn at all.
+    /// True if the splat was drawn.
     pub(super) fn drawn(&self) -> bool {
         self.base[DRAWN] > 0.0
     }
 }
 
 /// The pixels of a photo that count for the importance of triangles. A training ignores the others,
-/// so what only they show is compared with nothing.
+/// so their colours are compared with nothing.
 #[derive(Debug, Clone, Copy)]
 pub struct CountedPixels<'a> {
     /// 0: does not count. `[H * W]` of the photo
@@ -181,7 +182,7 @@ impl Importance {
 
     pub(super) fn accumulate(
         &mut self,
-        projection: &Projection,
+        projection: &ProjectedScene,
         tiles: &Tiles,
         weights: &[WeightSlot],
     ) {

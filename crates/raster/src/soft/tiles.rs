@@ -1,8 +1,8 @@
 //! Tiles of 16x16 pixels and their blocks of 4x4, one pixel per lane: the splats that touch them,
-//! and what the passes leave at their pixels.
+//! and the results of the passes at their pixels.
 
 use super::frame::Window;
-use super::splats::{ScreenBox, SplatRecord, Splats};
+use super::projected::{ProjectedTriangles, ScreenBox, SplatRecord};
 use glam::UVec2;
 use std::ops::Range;
 use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch};
@@ -158,7 +158,7 @@ impl OpenTiles {
         }
     }
 
-    /// Whether any tile is open.
+    /// True if any tile is open.
     pub(super) fn any(&self) -> bool {
         self.sums.last().is_some_and(|open| *open > 0)
     }
@@ -239,29 +239,30 @@ impl Tiles {
     /// Fills the lists with the pairs of some splats and open, or all, tiles.
     pub(super) fn bin(
         &mut self,
-        splats: &Splats,
-        some: Range<usize>,
+        splats: &ProjectedTriangles,
+        range_of_splats: Range<usize>,
         size: UVec2,
         window: Window,
         open: Option<&OpenTiles>,
     ) {
         self.size = size;
         self.count = tile_count(size);
-        self.ranges.resize_with(some.len().div_ceil(SPLATS_PER_RANGE), BinnedRange::default);
+        self.ranges
+            .resize_with(range_of_splats.len().div_ceil(SPLATS_PER_RANGE), BinnedRange::default);
         let count = self.count;
         let size = size.as_vec2().to_array();
-        // Where the splat is drawn, every edge is at least this far above the floor.
+        // Minimum distance of every edge above the floor where the splat is drawn.
         let slack = if matches!(window, Window::Coverage { .. }) { 0.5 } else { 0.0 };
         parallel::for_each(&mut self.ranges, |r, range| {
             range.pairs.clear();
             range.ends.clear();
-            let from = some.start + r * SPLATS_PER_RANGE;
-            let to = (from + SPLATS_PER_RANGE).min(some.end);
+            let from = range_of_splats.start + r * SPLATS_PER_RANGE;
+            let to = (from + SPLATS_PER_RANGE).min(range_of_splats.end);
             let records = &splats.records[from..to];
             let bounds = &splats.bounds[from..to];
             dispatch(Emit { records, bounds, range, size, across: count.x, slack, open });
         });
-        self.scatter(some.start as u32, some.len());
+        self.scatter(range_of_splats.start as u32, range_of_splats.len());
     }
 
     /// Fills the lists with kept pairs of the first splats.
@@ -432,13 +433,13 @@ fn reach<L: Lanes>([ex, ey]: [f32; 2], constant: f32, block_x: L, block_y: L) ->
     L::splat(ex).mul_add(block_x, L::splat(ey).mul_add(block_y, constant))
 }
 
-/// Whether each block of the tile at `offset` from the origin is not wholly outside the edge.
+/// Flags the blocks of the tile at `offset` from the origin that are not wholly outside the edge.
 #[inline(always)]
 fn touches<L: Lanes>(reach: L, [ex, ey]: [f32; 2], offset: [f32; 2]) -> L::Mask {
     L::splat(0.0).le(reach + L::splat(ex * offset[0] + ey * offset[1]))
 }
 
-/// Whether [lo, hi] overlaps the blocks along one axis.
+/// Flags the blocks that [lo, hi] overlaps along one axis.
 #[inline(always)]
 fn overlaps<L: Lanes>(block: L, lo: f32, hi: f32) -> L::Mask {
     L::splat(lo - HALF).le(block).and(block.le(L::splat(hi + HALF)))

@@ -31,7 +31,7 @@ pub(super) fn start(batches: &mut Vec<Batch>, mesh: &Mesh) {
 }
 
 /// Empties the bins and fills them with the next faces, about `pairs` pairs of triangles and tiles,
-/// without `hidden` ones. Returns whether no face is left.
+/// without `hidden` ones. Returns true when no face is left.
 pub(super) fn bin(
     batches: &mut [Batch],
     mesh: &Mesh,
@@ -151,9 +151,9 @@ impl FaceGroup {
             let mut x = [0.0; GROUP];
             let mut y = [0.0; GROUP];
             for lane in 0..GROUP {
-                let seen = projector.to_camera([world[0][lane], world[1][lane], world[2][lane]]);
-                let at = projector.project(seen);
-                front[lane] += u32::from(seen[2] > projector.near);
+                let point = projector.to_camera([world[0][lane], world[1][lane], world[2][lane]]);
+                let at = projector.project(point);
+                front[lane] += u32::from(point[2] > projector.near);
                 low[0][lane] = low[0][lane].min(at[0]);
                 low[1][lane] = low[1][lane].min(at[1]);
                 high[0][lane] = high[0][lane].max(at[0]);
@@ -172,12 +172,12 @@ impl FaceGroup {
                 & (high[0][lane] < GUARD)
                 & (high[1][lane] < GUARD);
             // One sample more on every side: snapping may move a corner in.
-            let beside = (high[0][lane] < -1.0)
+            let outside = (high[0][lane] < -1.0)
                 | (high[1][lane] < -1.0)
                 | (low[0][lane] > right + 1.0)
                 | (low[1][lane] > bottom + 1.0);
             let all = front[lane] == 3;
-            let out = (front[lane] == 0) | (all & beside);
+            let out = (front[lane] == 0) | (all & outside);
             let drawn = if all & within { Action::DRAW } else { Action::CLIP };
             self.action[lane] = if out { Action::SKIP } else { drawn };
         }
@@ -397,7 +397,7 @@ pub(super) fn tile_size(size: UVec2, place: UVec2) -> UVec2 {
 #[derive(Debug)]
 pub(super) struct TileDepths {
     tiles: Vec<f32>,
-    /// The least of each row of tiles.
+    /// Minimum of each row of tiles.
     rows: Vec<f32>,
 }
 
@@ -415,14 +415,14 @@ impl TileDepths {
         Self { tiles, rows }
     }
 
-    /// Whether a tile hides a triangle whose nearest corner has the 1/z `nearest`. An equal depth
+    /// True if a tile hides a triangle whose nearest corner has the 1/z `nearest`. An equal depth
     /// is not hidden, because the lower face index wins.
     #[inline(always)]
     pub(super) fn hides(&self, tile: usize, nearest: f32) -> bool {
         nearest < self.tiles[tile]
     }
 
-    /// Whether whole rows of tiles hide it.
+    /// True if whole rows of tiles hide it.
     #[inline(always)]
     pub(super) fn hides_all(&self, rows: &RangeInclusive<i32>, nearest: f32) -> bool {
         self.rows[*rows.start() as usize..=*rows.end() as usize]

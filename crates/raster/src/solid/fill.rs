@@ -183,8 +183,7 @@ impl TileLayers {
                 return;
             }
             let first = count.min(left.len());
-            // Which triangles come first changes the time, not the picture: the nearest face wins
-            // in any order.
+            // The order changes the time, not the picture: the nearest face always wins.
             left.select_nth_unstable_by(first - 1, |a, b| b.0.total_cmp(&a.0));
             for (_, place) in left.drain(..first) {
                 draw_large::<L>(keys, &batch.large[place as usize], corner);

@@ -169,7 +169,7 @@ pub(super) fn clip(
     corners: [Vec3; 3],
     mut emit: impl FnMut(SnappedTriangle),
 ) {
-    let mut polygon = Polygon::default();
+    let mut polygon = ClipPolygon::default();
     for corner in corners {
         let camera_space = projector.to_camera(corner.to_array());
         // The same test as for unclipped triangles must decide here.
@@ -211,12 +211,12 @@ fn snap_point(projector: &Projector, point: &ClipPoint) -> ([i32; 2], f32) {
 }
 
 #[derive(Debug, Clone, Copy, Default)]
-struct Polygon {
+struct ClipPolygon {
     points: [ClipPoint; MAX_CORNERS],
     count: usize,
 }
 
-impl Polygon {
+impl ClipPolygon {
     fn points(&self) -> &[ClipPoint] {
         &self.points[..self.count]
     }

@@ -34,7 +34,7 @@ impl<'a> Barycentrics<'a> {
         Self { mesh, projector: Projector::new(camera, samples, 0.0) }
     }
 
-    /// What [`Barycentrics::weights`] needs of a face.
+    /// The values of a face for [`Barycentrics::weights`].
     pub fn face(&self, face: u32) -> FaceBarycentrics {
         FaceBarycentrics::new(&self.projector, self.mesh.corners(face as usize))
     }

@@ -1,7 +1,8 @@
 //! SIMD values of sixteen f32, and the choice of the fastest such type of this CPU.
 //!
-//! All `unsafe` of the crate is here: vector instructions may run only where [`dispatch`] has
-//! detected them.
+//! Vector instructions are `unsafe` (`x86.rs`): they may run only where [`dispatch`] has detected
+//! them. The crate has `unsafe` code in two other places: calls of the system (`process`), and
+//! vectors that threads fill together (`parallel`).
 
 use super::real::Mask;
 use std::cell::Cell;
@@ -35,14 +36,14 @@ pub enum SimdLevel {
 }
 
 thread_local! {
-    /// The best level that this thread may use.
+    /// The highest level that this thread may use.
     static LEVEL_LIMIT: Cell<SimdLevel> = const { Cell::new(SimdLevel::Avx512) };
 }
 
-/// Does `work` with [`level`] at most `most`, to compare instruction sets. This affects only this
+/// Runs `work` with [`level`] at most `limit`, to compare instruction sets. This affects only this
 /// thread, not those of a pool.
-pub fn with_at_most<T>(most: SimdLevel, work: impl FnOnce() -> T) -> T {
-    let before = LEVEL_LIMIT.replace(most);
+pub fn with_at_most<T>(limit: SimdLevel, work: impl FnOnce() -> T) -> T {
+    let before = LEVEL_LIMIT.replace(limit);
     let out = work();
     LEVEL_LIMIT.set(before);
     out
@@ -72,19 +73,19 @@ pub fn dispatch<W: Work>(work: W) -> W::Output {
     dispatch_at(level(), work)
 }
 
-/// Runs `work` on the lanes of `wanted`, or on the next lower level of this CPU.
+/// Runs `work` on the lanes of `level`, or on the next lower level of this CPU.
 #[inline]
-pub fn dispatch_at<W: Work>(wanted: SimdLevel, work: W) -> W::Output {
+pub fn dispatch_at<W: Work>(level: SimdLevel, work: W) -> W::Output {
     #[cfg(target_arch = "x86_64")]
     {
-        if wanted == SimdLevel::Avx512 && x86::has_avx512() {
+        if level == SimdLevel::Avx512 && x86::has_avx512() {
             return x86::run_avx512(work);
         }
-        if wanted != SimdLevel::Portable && x86::has_avx2() {
+        if level != SimdLevel::Portable && x86::has_avx2() {
             return x86::run_avx2(work);
         }
     }
-    let _ = wanted;
+    let _ = level;
     work.run::<portable::Portable>()
 }
 

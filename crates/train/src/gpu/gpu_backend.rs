@@ -2,7 +2,7 @@
 
 use super::limits::{COUNTS, REMEDY};
 use super::passes::{Passes, Variants};
-use super::scene::{Photos, SceneBuffers, VISIBILITY_NUMBERS, VisibilityBuffer, row_count};
+use super::scene::{GpuPhotos, SceneBuffers, VISIBILITY_NUMBERS, VisibilityBuffer, row_count};
 use super::sequence::{BindGroups, GROUPS, Jobs, Sequence, self_test};
 use super::step_buffers::{GpuLimits, SLOT_PARTS, StepBuffers, StepCapacity, missing_capacity};
 use super::step_passes::StepPasses;
@@ -46,7 +46,7 @@ pub struct GpuBackend {
     scene: Option<SceneBuffers>,
     visibility: Option<VisibilityBuffer>,
     buffers: Option<StepBuffers>,
-    photos: Photos,
+    photos: GpuPhotos,
     /// Steps under way, the oldest first.
     pending_steps: VecDeque<PendingStep>,
     /// Readbacks of steps that are done.
@@ -55,7 +55,7 @@ pub struct GpuBackend {
     repeats: u64,
     /// The last loaded state, which survives the loss of the card.
     loaded: Option<OptimizerState>,
-    /// Why begun steps will never finish.
+    /// Reason why begun steps never finish.
     failure: Option<String>,
 }
 
@@ -89,7 +89,7 @@ impl GpuBackend {
             scene: None,
             visibility: None,
             buffers: None,
-            photos: Photos::new(limits.photo_bytes),
+            photos: GpuPhotos::new(limits.photo_bytes),
             pending_steps: VecDeque::new(),
             spare: Vec::new(),
             figures: Vec::new(),
@@ -110,7 +110,7 @@ impl GpuBackend {
         self.options = options;
         self.limits = limits;
         self.buffers = None;
-        self.photos = Photos::new(limits.photo_bytes);
+        self.photos = GpuPhotos::new(limits.photo_bytes);
         self.bind_groups.clear();
         self.pending_steps.clear();
         self.figures.clear();
@@ -129,7 +129,7 @@ impl GpuBackend {
         self.limits
     }
 
-    /// How often steps were repeated because one did not fit its buffers.
+    /// Number of repeated steps, because one did not fit its buffers.
     pub fn repeats(&self) -> u64 {
         self.repeats
     }
@@ -412,9 +412,8 @@ impl TrainBackend for GpuBackend {
     }
 }
 
-/// What `make` makes on the card, without its photos if there is no room: they are there only to
-/// save time.
-fn with_room<T>(gpu: &Gpu, photos: &mut Photos, make: impl Fn(&Gpu) -> Result<T>) -> Result<T> {
+/// Runs `make` on the card; without room again without the photos there, which only save time.
+fn with_room<T>(gpu: &Gpu, photos: &mut GpuPhotos, make: impl Fn(&Gpu) -> Result<T>) -> Result<T> {
     match make(gpu) {
         Err(Error::Gpu(_)) if photos.give_up() => {
             gpu.wait(None)?;

@@ -27,7 +27,7 @@ macro_rules! passes {
         impl Passes {
             /// Compiles them all.
             pub(super) fn new(gpu: &Gpu) -> Result<Self> {
-                let kernel = |pass: Pass| Kernel::new(gpu, pass.name, pass.source(""));
+                let kernel = |pass: PassSource| Kernel::new(gpu, pass.name, pass.source(""));
                 Ok(Self { $($field: kernel($pass)?,)* })
             }
         }
@@ -56,7 +56,7 @@ passes! {
     update: pass!("update", "params", "camera"),
 }
 
-/// The passes over tiles for one way to draw: nothing of the other ways is in their loops.
+/// The passes over tiles for one drawing mode, without branches of the others in their loops.
 #[derive(Debug)]
 pub(super) struct TilePasses {
     pub(super) forward: Kernel,
@@ -104,22 +104,22 @@ impl TilePasses {
                 "pair_sums"
             )
         };
-        let kernel = |pass: Pass| Kernel::new(gpu, pass.name, pass.source(&plan.constants()));
+        let kernel = |pass: PassSource| Kernel::new(gpu, pass.name, pass.source(&plan.constants()));
         Ok(Self { forward: kernel(forward)?, backward: kernel(backward)? })
     }
 }
 
-/// Those of all ways to draw so far.
+/// Compiled passes of all drawing modes so far.
 #[derive(Debug, Default)]
 pub(super) struct Variants(HashMap<(u32, bool, bool), TilePasses>);
 
 impl Variants {
-    /// Those of `plan`, compiled when they are needed first.
+    /// The passes of `plan`, compiled at first use.
     pub(super) fn of(&mut self, gpu: &Gpu, plan: &StepPlan) -> Result<&TilePasses> {
         let variant = (plan.window(), plan.options.geometry, plan.by_pixel());
         Ok(match self.0.entry(variant) {
-            Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(new) => new.insert(TilePasses::new(gpu, plan)?),
+            Entry::Occupied(entry) => entry.into_mut(),
+            Entry::Vacant(entry) => entry.insert(TilePasses::new(gpu, plan)?),
         })
     }
 }
@@ -128,9 +128,9 @@ impl Variants {
 const BATCH: u32 = 64;
 /// Layers that a pixel takes at a time with its own order.
 const NEAREST: u32 = 8;
-/// Splats of a tile whose gradients are summed at once, and how many of their blocks of 4 x 4
-/// pixels at most.
+/// Splats of a tile whose gradients are summed at once.
 const PAIRS_AT_ONCE: u32 = 32;
+/// Maximum number of their blocks of 4 x 4 pixels.
 const PAIR_BLOCKS: u32 = 128;
 // A bucket begins with a batch; an invocation loads an eighth of a pair; the blocks of one pair
 // fit; a sort's totals have a digit each.
@@ -144,18 +144,18 @@ const _: () = assert!(
 /// A pass: its additional functions, and its code.
 macro_rules! pass {
     ($name:literal $(, $part:literal)*) => {
-        Pass { name: $name, parts: &[$(include_str!(concat!("passes/", $part, ".wgsl")),)* include_str!(concat!("passes/", $name, ".wgsl"))] }
+        PassSource { name: $name, parts: &[$(include_str!(concat!("passes/", $part, ".wgsl")),)* include_str!(concat!("passes/", $name, ".wgsl"))] }
     };
 }
 pub(super) use pass;
 
 /// A pass in parts.
-pub(super) struct Pass {
+pub(super) struct PassSource {
     pub(super) name: &'static str,
     pub(super) parts: &'static [&'static str],
 }
 
-impl Pass {
+impl PassSource {
     /// Its whole source, after the constants of its `variant`.
     pub(super) fn source(&self, variant: &str) -> String {
         let mut out = wgsl_library() + variant;
@@ -185,7 +185,9 @@ impl Pass {
         constant(&mut out, "MAX_SIZE", SIZES[1]);
         constant(&mut out, "SIZE_OF_ALL", SIZE_OF_ALL);
         out += include_str!("passes/step.wgsl");
-        self.parts.iter().for_each(|part| out += part);
+        for part in self.parts {
+            out += part;
+        }
         out
     }
 }

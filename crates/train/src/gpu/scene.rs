@@ -231,7 +231,7 @@ pub(super) fn append(params: &mut Params, rows: &[f32], n: usize) {
 
 /// The photos on the card. The one that was used least recently leaves for a new one.
 #[derive(Debug)]
-pub(super) struct Photos {
+pub(super) struct GpuPhotos {
     held: HashMap<PhotoId, HeldPhoto>,
     bytes: u64,
     most_bytes: u64,
@@ -244,7 +244,7 @@ struct HeldPhoto {
     last_use: u64,
 }
 
-impl Photos {
+impl GpuPhotos {
     /// None yet, and never more than `most_bytes`.
     pub(super) fn new(most_bytes: u64) -> Self {
         Self { held: HashMap::new(), bytes: 0, most_bytes, uses: 0 }

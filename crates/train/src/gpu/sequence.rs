@@ -110,8 +110,8 @@ pub(super) struct Ordering<'a> {
     pub(super) block_sums: &'a Buffer,
 }
 
-/// What is sorted.
-pub(super) struct Sort<'a> {
+/// Keys and values of a sort.
+pub(super) struct RadixSort<'a> {
     pub(super) length: Count,
     pub(super) blocks: Spread,
     pub(super) keys: &'a [Buffer; 2],
@@ -133,7 +133,7 @@ impl Ordering<'_> {
 
     /// A stable sort by the lowest `digits` of the keys; after an even number of them the result is
     /// in the first buffers.
-    pub(super) fn sort(&self, to: &mut Sequence<'_>, sort: &Sort<'_>, digits: u32) {
+    pub(super) fn sort(&self, to: &mut Sequence<'_>, sort: &RadixSort<'_>, digits: u32) {
         let histogram = self.histogram;
         let totals = self.block_sums;
         for at in 0..digits {
@@ -230,7 +230,7 @@ impl Jobs {
 
     /// One of them as a binding.
     pub(super) fn get(&self, job: Job) -> BindingResource<'_> {
-        let at = self.jobs.iter().position(|known| *known == job).unwrap_or_default() as u64;
+        let at = self.jobs.iter().position(|other| *other == job).unwrap_or_default() as u64;
         let size = std::num::NonZeroU64::new(size_of::<Job>() as u64);
         BindingResource::Buffer(BufferBinding {
             buffer: &self.buffer,
@@ -244,7 +244,7 @@ impl Jobs {
 const LENGTH: u32 = 3 * GROUP * SORT_ITEMS + 77;
 const _: () = assert!(SCAN_ITEMS == SORT_ITEMS);
 
-/// The numbers, or what became of them.
+/// The numbers, before or after the operations.
 #[derive(Debug, Clone, PartialEq)]
 struct Numbers {
     /// Before the prefix sum, and after.
@@ -264,7 +264,7 @@ impl Numbers {
         Self { sums, keys, places: (0..LENGTH).collect() }
     }
 
-    /// What must come out.
+    /// The expected result.
     fn answer(&self) -> Self {
         let before = |sum: &mut u32, number: &u32| {
             *sum += number;
@@ -277,10 +277,10 @@ impl Numbers {
     }
 
     /// The first operation that went wrong.
-    fn fault(&self, found: &Self) -> Option<&'static str> {
+    fn fault(&self, result: &Self) -> Option<&'static str> {
         let answer = self.answer();
-        let sorts = found.keys == answer.keys && found.places == answer.places;
-        match (found.sums == answer.sums, sorts) {
+        let sorts = result.keys == answer.keys && result.places == answer.places;
+        match (result.sums == answer.sums, sorts) {
             (false, _) => Some("prefix sums"),
             (true, false) => Some("sorts"),
             (true, true) => None,
@@ -292,11 +292,11 @@ impl Numbers {
 ///
 /// # Errors
 ///
-/// The card computes something else, with the way around; memory.
+/// A wrong result of the card, with the remedy; too little memory.
 pub(super) fn self_test(gpu: &Gpu, passes: &Passes, jobs: &Jobs) -> Result<()> {
     let numbers = Numbers::new();
-    let found = computed(gpu, passes, jobs, &numbers)?;
-    judged(&gpu.info.name, numbers.fault(&found))
+    let result = computed(gpu, passes, jobs, &numbers)?;
+    judged(&gpu.info.name, numbers.fault(&result))
 }
 
 fn judged(card: &str, fault: Option<&str>) -> Result<()> {
@@ -307,7 +307,7 @@ fn judged(card: &str, fault: Option<&str>) -> Result<()> {
     })
 }
 
-/// What the card makes of the numbers.
+/// The result of the card.
 fn computed(gpu: &Gpu, passes: &Passes, jobs: &Jobs, numbers: &Numbers) -> Result<Numbers> {
     let buffer = |count: u32, data: &[u32]| -> Result<Buffer> {
         let buffer = storage(gpu, "self-test", 4 * u64::from(count), REMEDY)?;
@@ -340,7 +340,7 @@ fn computed(gpu: &Gpu, passes: &Passes, jobs: &Jobs, numbers: &Numbers) -> Resul
         Ordering { passes, counts: &counts, histogram: &histogram, block_sums: &block_sums };
     let blocks = Spread::Over(LENGTH, GROUP * SORT_ITEMS);
     ordering.scan(&mut sequence, Count::Splats1, blocks, &sums);
-    let sort = Sort { length: Count::Splats, blocks, keys: &keys, values: &values };
+    let sort = RadixSort { length: Count::Splats, blocks, keys: &keys, values: &values };
     ordering.sort(&mut sequence, &sort, u32::BITS / DIGIT_BITS);
     drop(sequence);
     gpu.queue.submit([encoder.finish()]);
@@ -363,10 +363,10 @@ mod tests {
         let mut unstable = right.clone();
         let equal = unstable.keys.windows(2).position(|pair| pair[0] == pair[1]).unwrap();
         unstable.places.swap(equal, equal + 1);
-        for (found, wants) in
+        for (result, wants) in
             [(stale, "prefix sums"), (unstable, "sorts"), (numbers.clone(), "prefix sums")]
         {
-            let message = judged("Card 9", numbers.fault(&found)).unwrap_err().to_string();
+            let message = judged("Card 9", numbers.fault(&result)).unwrap_err().to_string();
             assert!(
                 message.contains("Card 9 computes wrong") && message.contains(wants),
                 "{message}"

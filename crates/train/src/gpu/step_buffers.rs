@@ -259,7 +259,7 @@ impl GpuLimits {
             binding_bytes: limits.max_storage_buffer_binding_size.min(limits.max_buffer_size),
             photo_bytes: match gpu.info.device_type {
                 DeviceType::DiscreteGpu => PHOTO_BYTES.0,
-                // It shares main memory, which holds the photos already.
+                // A CPU shares main memory, which holds the photos already.
                 DeviceType::Cpu => 0,
                 _ => PHOTO_BYTES.1,
             },

@@ -3,7 +3,7 @@
 use super::limits::{Count, DIGIT_BITS, GROUP, SCAN_ITEMS};
 use super::passes::{Passes, TilePasses};
 use super::scene::{SceneBuffers, VisibilityBuffer};
-use super::sequence::{Groups, Job, Ordering, Sequence, Sort, Spread, all, sum, turn};
+use super::sequence::{Groups, Job, Ordering, RadixSort, Sequence, Spread, all, sum, turn};
 use super::step_buffers::StepBuffers;
 use super::uniform::StepPlan;
 use wgpu::{BindingResource, Buffer};
@@ -79,7 +79,7 @@ impl StepPasses<'_> {
     }
 
     fn sort_by_depth(&self, to: &mut Sequence<'_>) {
-        let sort = Sort {
+        let sort = RadixSort {
             length: Count::Splats,
             blocks: Spread::Found(Groups::SplatSort),
             keys: &self.buffers.depths,
@@ -115,14 +115,14 @@ impl StepPasses<'_> {
         bin(to, WRITE);
     }
 
-    /// Which of the two buffers the sorted pairs are in.
+    /// Index of the buffer with the sorted pairs, 0 or 1.
     fn sorted(&self) -> usize {
         tile_digits(self.plan) as usize % 2
     }
 
     fn sort_by_tile(&self, to: &mut Sequence<'_>) {
         let buffers = self.buffers;
-        let sort = Sort {
+        let sort = RadixSort {
             length: Count::Pairs,
             blocks: Spread::Found(Groups::PairSort),
             keys: &buffers.tiles,
@@ -304,7 +304,7 @@ impl StepPasses<'_> {
         to.run(&self.passes.plan, Spread::Once, &bindings);
     }
 
-    /// What sums and sorts.
+    /// The passes of sums and sorts.
     fn ordering(&self) -> Ordering<'_> {
         let StepBuffers { histogram, block_sums, .. } = self.buffers;
         Ordering { passes: self.passes, counts: self.counts, histogram, block_sums }

@@ -45,7 +45,7 @@ pub(super) struct StepUniform {
 /// A step's drawing, and its sizes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StepPlan {
-    /// How the scene is drawn.
+    /// Drawing of the scene.
     pub(super) options: SoftOptions,
     /// The photo's camera.
     pub(super) camera: Camera,
@@ -113,7 +113,7 @@ pub(super) struct Look {
 }
 
 impl Look {
-    /// That of a step.
+    /// The look of a step.
     pub(super) fn of(rates: &StepParams) -> Self {
         Self {
             anneal: Some(rates.anneal),

@@ -1,7 +1,6 @@
-//! A scene divided into what is in it and the far shell that closes it all around, such as a sky
-//! dome.
+//! A scene divided into its content and the far shell that encloses it, such as a sky dome.
 
-use super::viewpoint::{Scenery, viewpoint};
+use super::viewpoint::{ViewpointInput, viewpoint};
 use glam::Vec3;
 use std::ops::Range;
 use trisplat_scene::camera::{Camera, Viewpoint};
@@ -9,17 +8,18 @@ use trisplat_scene::math::geometry::{central, centroid};
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Provenance, Scene};
 
-/// A scene, and flags of its far shell.
+/// A scene, divided at its far shell.
 #[derive(Debug)]
-pub struct Surroundings<'a> {
+pub struct SceneEnclosure<'a> {
     scene: &'a Scene,
-    /// The triangles of the scene itself.
-    before: Vec<usize>,
-    behind: Vec<usize>,
+    /// Triangles of the content.
+    content: Vec<usize>,
+    /// Triangles of the far shell.
+    shell: Vec<usize>,
 }
 
-impl<'a> Surroundings<'a> {
-    /// By flags in its file, or by its shape.
+impl<'a> SceneEnclosure<'a> {
+    /// Divides `scene` by flags in its file, or by its shape.
     pub fn of(scene: &'a Scene, provenance: &Provenance) -> Self {
         let count = scene.triangle_count();
         let backdrop = match scene {
@@ -27,79 +27,80 @@ impl<'a> Surroundings<'a> {
             Scene::Soup(_) => count..count,
         };
         let corners = |triangle: usize| scene.corners(triangle);
-        let said = !backdrop.is_empty() || scene.shell_count() > 0;
-        let found = if said { None } else { far_shell(&corners, count) };
-        let is_behind = |triangle: &usize| match &found {
-            Some(far) => far[*triangle],
+        let is_flagged = !backdrop.is_empty() || scene.shell_count() > 0;
+        let detected = if is_flagged { None } else { far_shell(&corners, count) };
+        let is_shell = |triangle: &usize| match &detected {
+            Some(is_far) => is_far[*triangle],
             None => backdrop.contains(triangle) || scene.is_shell(*triangle),
         };
-        let (behind, before) = (0..count).partition::<Vec<usize>, _>(is_behind);
-        Self { scene, before, behind }
+        let (shell, content) = (0..count).partition::<Vec<usize>, _>(is_shell);
+        Self { scene, content, shell }
     }
 
     /// The first viewpoint, with `up` upwards; one of the photos' `cameras`, if there are any.
     /// `None` without visible triangles.
     pub fn viewpoint(&self, cameras: &[Camera], up: Vec3) -> Option<Viewpoint> {
-        let corners = |i: usize| self.scene.corners(self.before[i]);
-        let room = |from: Vec3| self.room(from);
-        let is_single_sided = |i: usize| self.scene.is_single_sided(self.before[i]);
-        let count = self.before.len();
-        let scenery = Scenery {
+        let corners = |i: usize| self.scene.corners(self.content[i]);
+        let enclosure_distance = |from: Vec3| self.distance_from(from);
+        let is_single_sided = |i: usize| self.scene.is_single_sided(self.content[i]);
+        let count = self.content.len();
+        let input = ViewpointInput {
             corners: &corners,
             is_single_sided: &is_single_sided,
             count,
             cameras,
             up,
-            room: &room,
+            enclosure_distance: &enclosure_distance,
         };
-        viewpoint(&scenery).map(|chosen| chosen.viewpoint)
+        viewpoint(&input).map(|chosen| chosen.viewpoint)
     }
 
-    /// Distance from a place at which the scene is closed; infinite when it is open.
-    pub fn room(&self, from: Vec3) -> f32 {
-        let corners = self.behind.iter().flat_map(|triangle| self.scene.corners(*triangle));
+    /// Distance from a place to the far shell; infinite without one.
+    pub fn distance_from(&self, from: Vec3) -> f32 {
+        let corners = self.shell.iter().flat_map(|triangle| self.scene.corners(*triangle));
         corners.map(|corner| corner.distance_squared(from)).fold(f32::INFINITY, f32::min).sqrt()
     }
 
-    /// How far in a direction of length one from a place the scene is closed; infinite when it is
-    /// open there.
-    pub fn room_towards(&self, from: Vec3, way: Vec3) -> f32 {
-        let hits =
-            self.behind.iter().filter_map(|triangle| hit(self.scene.corners(*triangle), from, way));
-        hits.fold(f32::INFINITY, f32::min)
+    /// Distance from a place to the far shell along a unit direction; infinite where the scene is
+    /// open.
+    pub fn distance_along(&self, from: Vec3, direction: Vec3) -> f32 {
+        let distance = |triangle: &usize| {
+            ray_triangle_distance(self.scene.corners(*triangle), from, direction)
+        };
+        self.shell.iter().filter_map(distance).fold(f32::INFINITY, f32::min)
     }
 }
 
-/// How far along a ray a triangle is, whichever side of it the ray meets.
-pub fn hit([a, b, c]: [Vec3; 3], from: Vec3, way: Vec3) -> Option<f32> {
+/// Distance along a ray to a triangle, in lengths of `direction`; both sides of the triangle count.
+pub fn ray_triangle_distance([a, b, c]: [Vec3; 3], from: Vec3, direction: Vec3) -> Option<f32> {
     let ab = b - a;
     let ac = c - a;
-    let off = from - a;
-    let across = way.cross(ac);
-    let around = off.cross(ab);
-    let volume = ab.dot(across);
-    // Of a ray along the triangle's plane all of these are infinite or no numbers.
-    let u = off.dot(across) / volume;
-    let v = way.dot(around) / volume;
-    let t = ac.dot(around) / volume;
+    let offset = from - a;
+    let p = direction.cross(ac);
+    let q = offset.cross(ab);
+    let determinant = ab.dot(p);
+    // For a ray along the triangle's plane these are infinite or NaN.
+    let u = offset.dot(p) / determinant;
+    let v = direction.dot(q) / determinant;
+    let t = ac.dot(q) / determinant;
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t.is_finite()).then_some(t)
 }
 
-/// The direction that points up in the pictures of `cameras`; `otherwise` when there are none.
-pub fn up_of(cameras: &[Camera], otherwise: Vec3) -> Vec3 {
+/// The mean up direction of the pictures of `cameras`; `fallback` without cameras.
+pub fn mean_up(cameras: &[Camera], fallback: Vec3) -> Vec3 {
     let sum = cameras.iter().map(|camera| -camera.rotation.row(1)).sum::<Vec3>();
-    sum.try_normalize().unwrap_or(otherwise)
+    sum.try_normalize().unwrap_or(fallback)
 }
 
-/// Number of triangles for finding the gap.
-const SAMPLE: usize = 50_000;
-/// Scenes with fewer triangles have no shell.
+/// Maximum number of triangles that the gap is measured with.
+const MAX_SAMPLES: usize = 50_000;
+/// Minimum number of triangles of a scene with a shell.
 const MIN_TRIANGLES: usize = 64;
 /// Minimum distance of the shell, as a multiple of the median distance of the scene.
-const FAR: f32 = 2.5;
-/// The gap: the empty share of the distance to the shell ...
+const MIN_DISTANCE: f32 = 2.5;
+/// The gap before the shell, as a share of its distance.
 const GAP: f32 = 0.25;
-/// ... except for this many triangles, as a share of those of the shell.
+/// Maximum number of triangles in the gap, as a share of those of the shell.
 const MAX_GAP_SHARE: f32 = 0.02;
 /// Largest share of the triangles in a shell.
 const MAX_SHELL_SHARE: f32 = 0.4;
@@ -107,7 +108,7 @@ const MAX_SHELL_SHARE: f32 = 0.4;
 const MIN_FACING_COSINE: f32 = 0.8;
 /// Minimum share of all directions that the shell covers.
 const MIN_COVERED: f32 = 0.7;
-/// Number of tested directions: lines of the grid on each face of a cube.
+/// Rows and columns of tested directions on each face of a cube.
 const GRID: usize = 8;
 
 /// Flags of the `count` triangles, given by their `corners`, that are a far shell; `None` without
@@ -117,26 +118,29 @@ pub fn far_shell(corners: &(dyn Fn(usize) -> [Vec3; 3] + Sync), count: usize) ->
         return None;
     }
     let middle = |face: usize| centroid(corners(face));
-    let sampled: Vec<Vec3> =
-        (0..count).step_by(count.div_ceil(SAMPLE)).map(middle).filter(|p| p.is_finite()).collect();
+    let sampled: Vec<Vec3> = (0..count)
+        .step_by(count.div_ceil(MAX_SAMPLES))
+        .map(middle)
+        .filter(|p| p.is_finite())
+        .collect();
     let center = central(&sampled)?;
     let mut distances: Vec<f32> = sampled.iter().map(|p| p.distance(center)).collect();
     distances.sort_unstable_by(f32::total_cmp);
-    let from = begin(&distances)?;
+    let from = shell_distance(&distances)?;
     let is_far: Vec<bool> =
         parallel::collect(count, GRAIN, |face| middle(face).distance(center) >= from);
     let far: Vec<[Vec3; 3]> = (0..count)
         .filter(|face| is_far[*face])
         .map(|face| corners(face).map(|p| p - center))
         .collect();
-    (faces_middle(&far) && covers(&far)).then_some(is_far)
+    (face_origin(&far) && cover_directions(&far)).then_some(is_far)
 }
 
 /// The distance at which the shell begins, from the sorted distances of triangles.
-fn begin(distances: &[f32]) -> Option<f32> {
+fn shell_distance(distances: &[f32]) -> Option<f32> {
     let half = *distances.get(distances.len() / 2)?;
-    let least = FAR * half;
-    let first = distances.partition_point(|d| *d < least);
+    let nearest = MIN_DISTANCE * half;
+    let first = distances.partition_point(|d| *d < nearest);
     let candidates = (first..distances.len()).filter(|at| {
         let from = distances[*at];
         let shell = distances.len() - at;
@@ -148,8 +152,8 @@ fn begin(distances: &[f32]) -> Option<f32> {
     candidates.map(|at| distances[at]).next()
 }
 
-/// Whether triangles around the origin face it.
-fn faces_middle(far: &[[Vec3; 3]]) -> bool {
+/// True if triangles around the origin face it.
+fn face_origin(far: &[[Vec3; 3]]) -> bool {
     let mut facing = 0.0f64;
     let mut area = 0.0f64;
     for [a, b, c] in far {
@@ -160,8 +164,8 @@ fn faces_middle(far: &[[Vec3; 3]]) -> bool {
     area > 0.0 && facing >= f64::from(MIN_FACING_COSINE) * area
 }
 
-/// Whether the triangles cover most directions from the origin.
-fn covers(far: &[[Vec3; 3]]) -> bool {
+/// True if the triangles cover most directions from the origin.
+fn cover_directions(far: &[[Vec3; 3]]) -> bool {
     let directions = directions();
     let mut covered = vec![false; directions.len()];
     for triangle in far {
@@ -177,7 +181,7 @@ fn covers(far: &[[Vec3; 3]]) -> bool {
         >= MIN_COVERED * directions.len() as f32
 }
 
-/// The directions from the origin in which a triangle lies.
+/// The directions from the origin to a triangle.
 struct Cone {
     sides: [Vec3; 3],
     axis: Vec3,
@@ -212,8 +216,8 @@ fn directions() -> Vec<Vec3> {
     (0..6).flat_map(of_face).collect()
 }
 
-/// The faces of the cube, rows and columns of the directions in which a triangle may lie: few where
-/// its corners are on one face.
+/// Cube faces, rows and columns of the directions in which a triangle may lie: few where its
+/// corners are on one face.
 fn near_directions(corners: &[Vec3; 3]) -> [Range<usize>; 3] {
     let face_of =
         |v: &Vec3| 2 * v.abs().max_position() + usize::from(v[v.abs().max_position()] < 0.0);
@@ -236,7 +240,7 @@ mod tests {
     use trisplat_scene::mesh::{Colors, Mesh};
 
     #[test]
-    fn room_towards_ends_at_what_closes_the_scene_there() {
+    fn distance_along_ends_at_the_shell_in_that_direction() {
         // A thing at the origin, a wall two units to the left, half a wall three units ahead.
         let thing = [Vec3::ZERO, Vec3::X * 0.1, Vec3::Y * 0.1];
         let left =
@@ -246,11 +250,12 @@ mod tests {
         let mesh = Mesh { positions, colors: Colors::Face(vec![[0.5; 3]; 3]), ..Mesh::default() };
         let provenance = Provenance { backdrop_faces: 2, ..Provenance::default() };
         let scene = Scene::Mesh(mesh);
-        let surroundings = Surroundings::of(&scene, &provenance);
-        let room = |way: Vec3| surroundings.room_towards(Vec3::ZERO, way.normalize());
-        assert!((room(-Vec3::X) - 2.0).abs() < 1e-6 && room(Vec3::X) == f32::INFINITY);
-        assert!((room(Vec3::new(0.0, 1.0, 1.0)) - 3.0 * 2f32.sqrt()).abs() < 1e-5);
-        assert_eq!((room(Vec3::Z), room(Vec3::Y)), (f32::INFINITY, f32::INFINITY));
+        let enclosure = SceneEnclosure::of(&scene, &provenance);
+        let distance =
+            |direction: Vec3| enclosure.distance_along(Vec3::ZERO, direction.normalize());
+        assert!((distance(-Vec3::X) - 2.0).abs() < 1e-6 && distance(Vec3::X) == f32::INFINITY);
+        assert!((distance(Vec3::new(0.0, 1.0, 1.0)) - 3.0 * 2f32.sqrt()).abs() < 1e-5);
+        assert_eq!((distance(Vec3::Z), distance(Vec3::Y)), (f32::INFINITY, f32::INFINITY));
     }
 }
 
@@ -276,7 +281,7 @@ mod far_shell_tests {
         triangles.filter(|[a, b, c]| keep((*a + *b + *c) / 3.0)).collect()
     }
 
-    fn found(triangles: &[[Vec3; 3]]) -> Option<usize> {
+    fn shell_size(triangles: &[[Vec3; 3]]) -> Option<usize> {
         let is_far = far_shell(&|face| triangles[face], triangles.len())?;
         Some(is_far.iter().filter(|far| **far).count())
     }
@@ -285,12 +290,15 @@ mod far_shell_tests {
     fn a_closed_far_shell_of_any_soup_is_recognised() {
         let all = |_| true;
         let with = |shell: Vec<[Vec3; 3]>| [things(4000, 1.0), shell].concat();
-        assert_eq!(found(&with(sphere(10.0, all))), Some(512));
+        assert_eq!(shell_size(&with(sphere(10.0, all))), Some(512));
         // Triangles that overlap, as trained ones do, and are not quite on it.
         let overlapping = sphere(10.0, all).into_iter().map(|t| t.map(|p| p * 1.04));
-        assert_eq!(found(&with([sphere(10.0, all), overlapping.collect()].concat())), Some(1024));
+        assert_eq!(
+            shell_size(&with([sphere(10.0, all), overlapping.collect()].concat())),
+            Some(1024)
+        );
         // The lower sixth is missing.
-        assert!(found(&with(sphere(10.0, |p| p.y > -6.5))).is_some());
+        assert!(shell_size(&with(sphere(10.0, |p| p.y > -6.5))).is_some());
     }
 
     #[test]
@@ -299,13 +307,13 @@ mod far_shell_tests {
         let point =
             |i: u64| 2.0 * Vec3::from([0, 1, 2].map(|axis| rng.uniform(3 * i + axis))) - 1.0;
         let directions = directions();
-        let mut few = 0;
+        let mut small = 0;
         for i in 0..2000 {
             let size = [0.02, 0.3, 2.0][i as usize % 3];
             let triangle = [0, 1, 2].map(|k| point(4 * i) + size * point(4 * i + 1 + k));
             let cone = Cone::of(&triangle);
             let [faces, down, across] = near_directions(&triangle);
-            few += u32::from(faces.len() * down.len() * across.len() <= 9);
+            small += u32::from(faces.len() * down.len() * across.len() <= 9);
             for (at, direction) in directions.iter().enumerate() {
                 let face = at / GRID / GRID;
                 let y = at / GRID % GRID;
@@ -314,22 +322,22 @@ mod far_shell_tests {
                 assert!(near || !cone.contains(*direction), "{triangle:?}: {direction}");
             }
         }
-        assert!(few > 500, "{few}");
+        assert!(small > 500, "{small}");
     }
 
     #[test]
-    fn what_is_no_shell_stays_in_the_scene() {
+    fn far_triangles_without_a_closed_shell_stay_in_the_scene() {
         let with = |rest: Vec<[Vec3; 3]>| [things(4000, 1.0), rest].concat();
-        assert_eq!(found(&with(Vec::new())), None, "nothing far");
-        assert_eq!(found(&with(sphere(1.5, |_| true))), None, "a wall right behind");
-        assert_eq!(found(&with(sphere(10.0, |p| p.y > 0.0))), None, "half of it");
-        assert_eq!(found(&with(things(600, 12.0))), None, "scattered triangles");
-        assert_eq!(found(&sphere(10.0, |_| true)), None, "nothing before it");
+        assert_eq!(shell_size(&with(Vec::new())), None, "nothing far");
+        assert_eq!(shell_size(&with(sphere(1.5, |_| true))), None, "a wall right behind");
+        assert_eq!(shell_size(&with(sphere(10.0, |p| p.y > 0.0))), None, "half of it");
+        assert_eq!(shell_size(&with(things(600, 12.0))), None, "scattered triangles");
+        assert_eq!(shell_size(&sphere(10.0, |_| true)), None, "nothing before it");
         // A landscape that goes on to the horizon before a dome.
         assert_eq!(
-            found(&[things(4000, 1.0), things(4000, 9.0), sphere(10.0, |_| true)].concat()),
+            shell_size(&[things(4000, 1.0), things(4000, 9.0), sphere(10.0, |_| true)].concat()),
             None
         );
-        assert_eq!(found(&vec![[Vec3::NAN; 3]; 100]), None);
+        assert_eq!(shell_size(&vec![[Vec3::NAN; 3]; 100]), None);
     }
 }

@@ -59,7 +59,7 @@ pub(super) struct SplatChunk {
 
 /// The splats in depth order, as parallel arrays.
 #[derive(Debug, Default)]
-pub(super) struct Splats {
+pub(super) struct ProjectedTriangles {
     pub(super) records: Vec<SplatRecord>,
     pub(super) bounds: Vec<ScreenBox>,
     pub(super) planes: Vec<DepthPlane<f32>>,
@@ -67,9 +67,9 @@ pub(super) struct Splats {
 
 /// All splats of a frame.
 #[derive(Debug, Default)]
-pub(super) struct Projection {
+pub(super) struct ProjectedScene {
     pub(super) chunks: Vec<SplatChunk>,
-    pub(super) splats: Splats,
+    pub(super) splats: ProjectedTriangles,
     /// Triangles of the soup.
     pub(super) triangles: usize,
     pub(super) keys: Vec<DepthKey>,
