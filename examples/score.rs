@@ -1,5 +1,5 @@
-//! How close a file comes to photos that its training did not see: `cargo run --release --example
-//! score [FILE] [PHOTOS]`.
+//! Scores a file on photos that its training did not see: `cargo run --release --example score
+//! [FILE] [PHOTOS]`.
 
 #![allow(clippy::print_stdout, reason = "a program talks to its user")]
 

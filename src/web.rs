@@ -1,6 +1,6 @@
 //! The program for pages and scripts: one job, read from a file, per process.
 //!
-//! It is built for `wasm32-wasip1-threads` and run by `web/` in the repository, which gives it its
+//! Built for `wasm32-wasip1-threads` and run by `web/` in the repository, which gives it its
 //! files from memory. The library does the work; this module has the job's types, and prints
 //! progress as lines of JSON.
 
@@ -219,7 +219,7 @@ impl Lines {
 #[derive(Debug, Deserialize)]
 #[serde(tag = "command", rename_all = "lowercase", deny_unknown_fields)]
 enum Job {
-    /// What a file holds.
+    /// Describe a file.
     Info {
         /// The file.
         input: PathBuf,

@@ -1,7 +1,7 @@
 //! `trisplat bake IN... -o OUT`.
 
-use super::Global;
-use super::flags::{self, Sources};
+use super::GlobalArgs;
+use super::flags::{self, OptionSources};
 use super::inputs::Inputs;
 use super::messages::{self, many, thousands};
 use super::outputs::Outputs;
@@ -22,9 +22,14 @@ use trisplat_scene::{Error, Result};
 use trisplat_train::TrainDetails;
 
 /// Bakes; `matches` says which flags were typed.
-pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inputs) -> Result<()> {
+pub fn run(
+    args: &BakeArgs,
+    matches: &ArgMatches,
+    global: &GlobalArgs,
+    inputs: &Inputs,
+) -> Result<()> {
     let clock = Instant::now();
-    let sources = Sources { matches, sets: &args.sets, config: args.config.as_deref() };
+    let sources = OptionSources { matches, sets: &args.sets, config: args.config.as_deref() };
     let mut options =
         sources.resolve(&args.options, &args.dataset_options.limits, BakeOptions::preset)?.options;
     if args.dataset.is_some() {
@@ -41,7 +46,7 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
 
     let read = |path: &PathBuf| Dataset::load(path, &args.dataset_options);
     let photos = args.dataset.as_ref().map(read).transpose()?;
-    photos.as_ref().map_or(Ok(()), |photos| outputs.spare_photos(photos))?;
+    photos.as_ref().map_or(Ok(()), |photos| outputs.forbid_overwriting_photos(photos))?;
     let job = BakeJob {
         inputs: args.inputs.iter().cloned().map(BakeInput::File).collect(),
         options,
@@ -151,7 +156,7 @@ pub struct BakeArgs {
     /// The options of the stages.
     #[command(flatten)]
     pub options: BakeOptions,
-    /// How the data set is read.
+    /// Reading options of the data set.
     #[command(flatten)]
     pub dataset_options: DatasetOptions,
 }
@@ -194,7 +199,7 @@ fn bake_blocks(
     args: &BakeArgs,
     plan: &Path,
     mut options: BakeOptions,
-    global: &Global,
+    global: &GlobalArgs,
     inputs: &Inputs,
 ) -> Result<()> {
     let clock = Instant::now();

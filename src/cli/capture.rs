@@ -4,7 +4,7 @@ use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::terminal::Terminal;
-use super::{Global, flags, signals};
+use super::{GlobalArgs, flags, signals};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -29,16 +29,16 @@ pub struct CaptureArgs {
     /// Write the steps and the verdict as JSON (schema: trisplat schema report)
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
-    /// How.
+    /// Capture options.
     #[command(flatten)]
     pub options: CaptureOptions,
 }
 
 /// Makes the data set.
-pub fn run(args: &CaptureArgs, global: &Global, inputs: &Inputs) -> Result<ExitCode> {
+pub fn run(args: &CaptureArgs, global: &GlobalArgs, inputs: &Inputs) -> Result<ExitCode> {
     let clock = Instant::now();
     let mut outputs = Outputs::new(inputs, args.force);
-    outputs.claim_report(args.report.as_deref())?;
+    outputs.reserve_report(args.report.as_deref())?;
     let mut job = Capture::new(args.inputs.iter().cloned(), args.output.clone());
     job.options = args.options.clone();
     job.force = args.force;

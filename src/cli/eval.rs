@@ -1,12 +1,12 @@
 //! `trisplat eval FILE DATASET`: PSNR, SSIM and FLIP against the photos, raw and with corrected
 //! colours.
 
-use super::Global;
+use super::GlobalArgs;
 use super::inputs::Inputs;
 use super::messages::{self, many, thousands};
 use super::outputs::Outputs;
 use super::progress::Progress;
-use super::render::Pictures;
+use super::render::PictureFiles;
 use std::io::Write;
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, ShrunkSize, View};
@@ -15,7 +15,7 @@ use trisplat_job::{
 };
 use trisplat_scene::{Error, Result};
 
-/// What to evaluate.
+/// Scene and photos to evaluate.
 #[derive(Debug, clap::Args)]
 pub struct EvalArgs {
     /// The scene, the photos, and how it is drawn.
@@ -41,17 +41,22 @@ pub struct EvalArgs {
 
 /// Draws, measures, and prints a row per photo and step and the means on `out`; only the means when
 /// quiet.
-pub fn run(args: &EvalArgs, global: &Global, inputs: &Inputs, out: &mut dyn Write) -> Result<()> {
+pub fn run(
+    args: &EvalArgs,
+    global: &GlobalArgs,
+    inputs: &Inputs,
+    out: &mut dyn Write,
+) -> Result<()> {
     let mut outputs = Outputs::new(inputs, args.force);
-    outputs.claim_report(args.report.as_deref())?;
+    outputs.reserve_report(args.report.as_deref())?;
     let dataset = Dataset::load(&args.dataset, &args.job.dataset_options)?;
-    outputs.spare_photos(&dataset)?;
+    outputs.forbid_overwriting_photos(&dataset)?;
     let mut ready = args.job.clone().prepare(&dataset)?;
     let folders = folders(args, ready.steps(), ready.views(), &mut outputs)?;
 
     let progress = Progress::new(global);
     ready.draw_on(|card, warnings| progress.drawing_on(card, warnings))?;
-    let table = Table::new(ready.views().iter().map(|v| v.name.as_str()), global, args);
+    let table = ScoreTable::new(ready.views().iter().map(|v| v.name.as_str()), global, args);
     progress.suspend(|| table.header(out))?;
     let report = ready.run(|photo, drawn| {
         progress.suspend(|| drawn.iter().try_for_each(|one| table.photo(out, one)))?;
@@ -70,17 +75,17 @@ pub fn run(args: &EvalArgs, global: &Global, inputs: &Inputs, out: &mut dyn Writ
 }
 
 /// Scores as text, in columns.
-struct Table {
+struct ScoreTable {
     /// Width of the column of names.
     width: usize,
-    /// Whether photos have rows.
+    /// True if photos have rows.
     photos: bool,
-    /// Whether there is a table at all.
+    /// True if there is a table.
     shown: bool,
 }
 
-impl Table {
-    fn new<'a>(names: impl Iterator<Item = &'a str>, global: &Global, args: &EvalArgs) -> Self {
+impl ScoreTable {
+    fn new<'a>(names: impl Iterator<Item = &'a str>, global: &GlobalArgs, args: &EvalArgs) -> Self {
         let width = names.map(|name| name.chars().count()).max().unwrap_or(0).max("photo".len());
         Self { width, photos: !global.quiet && !args.json, shown: !args.json }
     }
@@ -127,8 +132,8 @@ impl Table {
         self.line(out, &format!("{cells}  {}", remark(step, report)))
     }
 
-    /// Depth at tracked points, and what one sees beside the cameras.
-    fn off_camera(&self, out: &mut dyn Write, step: &RepresentationScore) -> Result<()> {
+    /// Depth at tracked points, and the coverage of views beside the cameras.
+    fn extrapolation(&self, out: &mut dyn Write, step: &RepresentationScore) -> Result<()> {
         let name = &step.name;
         if let Some(DepthScores { rays, within, before, behind }) = step.depth {
             let rays = thousands(rays);
@@ -154,7 +159,7 @@ impl Table {
 
     fn end(&self, out: &mut dyn Write, report: &EvalReport) -> Result<()> {
         report.steps.iter().try_for_each(|step| self.mean(out, step, report))?;
-        report.steps.iter().try_for_each(|step| self.off_camera(out, step))
+        report.steps.iter().try_for_each(|step| self.extrapolation(out, step))
     }
 }
 
@@ -184,7 +189,7 @@ fn folders(
     steps: Vec<&str>,
     views: &[&View],
     outputs: &mut Outputs,
-) -> Result<Vec<Pictures>> {
+) -> Result<Vec<PictureFiles>> {
     let folders: Vec<PathBuf> = match &args.save_renders {
         None => Vec::new(),
         Some(folder) if steps.len() == 1 => vec![folder.clone()],
@@ -193,6 +198,6 @@ fn folders(
     let names = || views.iter().map(|v| v.name.as_str());
     folders
         .iter()
-        .map(|folder| Pictures::plan("--save-renders", folder, names(), outputs))
+        .map(|folder| PictureFiles::plan("--save-renders", folder, names(), outputs))
         .collect()
 }

@@ -66,7 +66,7 @@ pub fn as_flags(text: &str, command: &Command) -> String {
     out
 }
 
-/// How a field is typed: `--max-triangles`, or `IN` when it has no flag; `None` when it is no
+/// Spelling of a field on the command line: `--max-triangles`, or `IN` when it has no flag; `None` when it is no
 /// argument of `command`.
 fn typed(command: &Command, field: &str) -> Option<String> {
     let argument = command.get_arguments().find(|a| a.get_id() == field)?;
@@ -81,7 +81,7 @@ fn typed(command: &Command, field: &str) -> Option<String> {
 /// Flags every command takes.
 #[derive(Debug, Clone, Default, clap::Args)]
 #[command(next_help_heading = "Everywhere")]
-pub struct Global {
+pub struct GlobalArgs {
     /// Print errors only.
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub quiet: bool,
@@ -102,7 +102,7 @@ pub struct Global {
     pub allow_outside: bool,
 }
 
-impl Global {
+impl GlobalArgs {
     /// The limits with the changes of `--limit`.
     ///
     /// # Errors
@@ -117,8 +117,8 @@ impl Global {
 
 // ---- The layers of options: see [`trisplat_scene::layered`] -------------------------------------
 
-/// Where options come from, beside their flags.
-pub(super) struct Sources<'a> {
+/// OptionSources of options beside their flags.
+pub(super) struct OptionSources<'a> {
     /// The typed flags.
     pub(super) matches: &'a ArgMatches,
     /// `--set`.
@@ -127,7 +127,7 @@ pub(super) struct Sources<'a> {
     pub(super) config: Option<&'a Path>,
 }
 
-impl Sources<'_> {
+impl OptionSources<'_> {
     /// Preset, then config file, then `--set`, then those of the flags in `parsed` that were really
     /// typed. Flags are matched by the name of their field, which is unique over all option groups.
     pub(super) fn resolve<T: Serialize + DeserializeOwned, P: DeserializeOwned + Default>(
@@ -181,7 +181,7 @@ pub fn is_typed(matches: &ArgMatches, name: &str) -> bool {
 // ---- Numbers as people write them: `--max-triangles 10k` is 10000, `1.5M` is 1500000 ------------
 
 /// The arguments with such numbers written out.
-pub(super) fn written_out(
+pub(super) fn expand_numbers(
     command: &Command,
     arguments: impl Iterator<Item = OsString>,
 ) -> Vec<OsString> {
@@ -194,20 +194,20 @@ pub(super) fn written_out(
             innermost = inner;
         }
         let number = match text.split_once('=').filter(|_| text.starts_with("--")) {
-            Some((flag, value)) if counts([command, innermost], flag) => {
-                plain(value).map(|value| format!("{flag}={value}"))
+            Some((flag, value)) if takes_whole_number([command, innermost], flag) => {
+                expand_suffix(value).map(|value| format!("{flag}={value}"))
             }
-            _ if wants_number => plain(text),
+            _ if wants_number => expand_suffix(text),
             _ => None,
         };
-        wants_number = text.starts_with('-') && counts([command, innermost], text);
+        wants_number = text.starts_with('-') && takes_whole_number([command, innermost], text);
         out.push(number.map_or(argument, OsString::from));
     }
     out
 }
 
-/// Whether a flag of one of `commands` takes a whole number.
-fn counts(commands: [&Command; 2], flag: &str) -> bool {
+/// True if a flag of one of `commands` takes a whole number.
+fn takes_whole_number(commands: [&Command; 2], flag: &str) -> bool {
     let is = |arg: &&Arg| {
         let long = arg.get_long().is_some_and(|long| flag.strip_prefix("--") == Some(long));
         let short = arg.get_short().is_some_and(|short| flag == format!("-{short}"));
@@ -223,7 +223,7 @@ fn counts(commands: [&Command; 2], flag: &str) -> bool {
 }
 
 /// 10k as 10000, 1.5M as 1500000; `None` for other text, which the parser checks.
-fn plain(text: &str) -> Option<String> {
+fn expand_suffix(text: &str) -> Option<String> {
     let (digits, zeros) = match text.strip_suffix(['k', 'K']) {
         Some(digits) => (digits, 3),
         None => (text.strip_suffix('M')?, 6),
@@ -287,7 +287,7 @@ mod global_tests {
 
     #[test]
     fn the_help_lists_every_limit() {
-        let command = Global::augment_args(clap::Command::new("trisplat"));
+        let command = GlobalArgs::augment_args(clap::Command::new("trisplat"));
         let help =
             command.get_arguments().find(|a| a.get_id() == "limit").and_then(|a| a.get_help());
         let help = help.map(ToString::to_string).unwrap_or_default();
@@ -316,7 +316,7 @@ mod numbers_tests {
             ("10kb", None),
             ("10", None),
         ] {
-            assert_eq!(plain(text).as_deref(), wants, "{text}");
+            assert_eq!(expand_suffix(text).as_deref(), wants, "{text}");
         }
         let bake = Command::new("bake")
             .arg(
@@ -329,7 +329,7 @@ mod numbers_tests {
             .arg(Arg::new("output").long("output"));
         let command = Command::new("trisplat").subcommand(bake);
         let of = |typed: &str| {
-            let all = written_out(&command, typed.split(' ').map(OsString::from));
+            let all = expand_numbers(&command, typed.split(' ').map(OsString::from));
             all.iter().map(|a| a.to_string_lossy().into_owned()).collect::<Vec<_>>().join(" ")
         };
         assert_eq!(

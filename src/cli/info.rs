@@ -14,7 +14,7 @@ use trisplat_scene::{Error, Placement, Result};
 /// Maximum number of cameras of a data set listed one by one; others are only counted.
 const LISTED: usize = 5;
 
-/// What to describe.
+/// Input to describe.
 #[derive(Debug, clap::Args)]
 pub struct InfoArgs {
     /// Soup, mesh or Gaussian splats to describe: .ply, .pt, .off, .obj, .glb, .gltf, .splat, .spz
@@ -25,7 +25,7 @@ pub struct InfoArgs {
     /// Print JSON (`trisplat schema info` describes it).
     #[arg(long)]
     pub json: bool,
-    /// How a data set is read.
+    /// Reading options of a data set.
     #[command(flatten)]
     pub dataset_options: DatasetOptions,
 }
@@ -248,7 +248,7 @@ fn dataset_rows(d: &Description) -> Vec<Row> {
 
 // ---- `trisplat validate FILE`: what stops a file from being read, and what engines reject -------
 
-/// What to check.
+/// File to check.
 #[derive(Debug, clap::Args)]
 pub struct ValidateArgs {
     /// File to check: .ply, .splat, .spz, .sog, .pt, .off, .obj, .glb or .gltf; "-" is standard

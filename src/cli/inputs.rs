@@ -25,7 +25,7 @@ pub const RESUMED: &str = "resume";
 /// The option that names the folder of photos in a data set.
 pub const IMAGES: &str = "images";
 
-/// What a command was told to read.
+/// Inputs of a command.
 #[derive(Debug, Clone)]
 pub struct Inputs {
     paths: Vec<PathBuf>,

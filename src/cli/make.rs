@@ -3,12 +3,12 @@
 
 use super::bake::textured_by_itself;
 use super::capture::advise;
-use super::flags::{self, Sources};
+use super::flags::{self, OptionSources};
 use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::terminal::Terminal;
-use super::{Global, signals};
+use super::{GlobalArgs, signals};
 use clap::ArgMatches;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -33,7 +33,7 @@ const FAR_BELOW: f64 = 5.0;
 const MIN_GAIN: f64 = 0.3;
 /// A training that spent this share of its budget would have used more.
 const USED_UP: f64 = 0.8;
-/// How many of the photos that came out worst are named.
+/// Number of worst photos that are named.
 const WORST: usize = 2;
 
 /// Photos or videos, and the files to make.
@@ -75,10 +75,10 @@ pub struct MakeArgs {
     /// The options of the bake.
     #[command(flatten, next_help_heading = "Bake")]
     pub bake: BakeOptions,
-    /// Where to train.
+    /// Training backend.
     #[command(flatten, next_help_heading = "Backend")]
     pub backend_options: BackendOptions,
-    /// How the data set is read.
+    /// Reading options of the data set.
     #[command(flatten)]
     pub dataset_options: DatasetOptions,
 }
@@ -87,7 +87,7 @@ pub struct MakeArgs {
 pub fn run(
     args: &MakeArgs,
     matches: &ArgMatches,
-    global: &Global,
+    global: &GlobalArgs,
     inputs: &Inputs,
 ) -> Result<ExitCode> {
     let page = args.page.clone().unwrap_or_else(|| args.output.with_extension("html"));
@@ -95,7 +95,7 @@ pub fn run(
     if let Some(work) = &args.work {
         job.work = work.clone();
     }
-    let sources = Sources { matches, sets: &[], config: None };
+    let sources = OptionSources { matches, sets: &[], config: None };
     job.bake =
         sources.resolve(&args.bake, &args.dataset_options.limits, BakeOptions::preset)?.options;
     textured_by_itself(&mut job.bake, matches, &args.output);
@@ -121,7 +121,9 @@ pub fn run(
     let mut terminal = Terminal::new(global, flags::command_of::<MakeArgs>("make"));
     let done = job.run(&mut |event| {
         if let (Event::Part(part), Some(budget)) = (&event, budget) {
-            announced(*part, budget).iter().for_each(|text| terminal.line(text));
+            for text in announced(*part, budget) {
+                terminal.line(&text);
+            }
         }
         terminal.tell(event)
     })?;
@@ -144,13 +146,13 @@ fn guard(args: &MakeArgs, inputs: &Inputs, page: &Path, job: &MakeJob) -> Result
     }
     let planned = job.bake.clone().plan_output(&args.output, None)?;
     let mut outputs = Outputs::new(inputs, args.force);
-    outputs.begun = job.unfinished();
+    outputs.unfinished = job.unfinished();
     outputs.plan_scene(&planned)?;
     if let Some(file) = job.subject_file() {
         outputs.plan_scene(&job.subject_bake().plan_output(&file, None)?)?;
     }
     outputs.plan("--page", page)?;
-    args.report.as_ref().map_or(Ok(()), |report| outputs.probe("--report", report))
+    args.report.as_ref().map_or(Ok(()), |report| outputs.check_writable("--report", report))
 }
 
 /// The result, and the next step.
@@ -176,7 +178,7 @@ fn say(done: &MakeDone, args: &MakeArgs, work: &str, progress: &Progress) {
     pages.for_each(|page| progress.line(&format!("open {} in a browser", page.path)));
 }
 
-/// What a file is for, where there are two of a kind.
+/// Purpose of a file, if there are two of a kind.
 fn purpose(file: &Path, done: &MakeDone, args: &MakeArgs) -> &'static str {
     match &done.subject {
         Some(subject) if subject == file => {
@@ -195,7 +197,7 @@ fn verdict(details: &TrainDetails, done: &MakeDone, args: &MakeArgs) -> Vec<Stri
     let of_training = || Some((details.psnr?, details.ssim?));
     let of_file = done.score.as_ref().map(|score| (score.mean.psnr, score.mean.ssim));
     let Some((psnr, ssim)) = of_file.or_else(of_training) else { return Vec::new() };
-    // What fewer than two photos show cannot be known.
+    // Pixels that fewer than two training photos show are not judged.
     let photos: Vec<(&str, f64)> = match &done.score {
         _ if !done.judged.is_empty() => {
             done.judged.iter().map(|(name, psnr)| (&name[..], *psnr)).collect()
@@ -246,8 +248,8 @@ fn worth(psnr: f64, photos: usize) -> &'static str {
     }
 }
 
-/// What makes a scene better: more time, if it was used up and time `helps`, and photos where they
-/// are needed most.
+/// Advice for a better scene: more time, if it was used up and time `helps`, and photos of the worst
+/// views.
 fn next(
     details: &TrainDetails,
     photos: &[(&str, f64)],
@@ -258,7 +260,7 @@ fn next(
     let spent = |budget: &BudgetDetails| budget.spent_secs >= USED_UP * budget.budget.seconds.0;
     let time = match steps {
         Some(steps) => Some(format!("--steps {}", 2 * steps)),
-        // Where more steps gain nothing, a part of the budget is left.
+        // A part of the budget is left if more steps gain nothing.
         None => details
             .budget
             .as_ref()
@@ -277,7 +279,7 @@ fn next(
     (!ways.is_empty()).then(|| format!("next: {}", ways.join(", or ")))
 }
 
-/// What the budget is for, as a part begins.
+/// Use of the budget, as a part begins.
 fn announced(part: MakePart, budget: Seconds) -> Option<String> {
     match part {
         MakePart::Capture => Some(format!(

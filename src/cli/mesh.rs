@@ -1,12 +1,12 @@
 //! `trisplat mesh SCENE|PHOTOS [DATASET] -o OUT`: one connected surface of a scene, or of photos
 //! alone.
 
-use super::flags::{self, Sources};
+use super::flags::{self, OptionSources};
 use super::info::is_dataset;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::terminal::Terminal;
-use super::{Global, signals};
+use super::{GlobalArgs, signals};
 use clap::ArgMatches;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -50,7 +50,7 @@ pub struct MeshArgs {
     /// The options of the stages.
     #[command(flatten)]
     pub options: MeshOptions,
-    /// How the data set is read.
+    /// Reading options of the data set.
     #[command(flatten)]
     pub dataset_options: DatasetOptions,
 }
@@ -59,11 +59,11 @@ pub struct MeshArgs {
 pub fn run(
     args: &MeshArgs,
     matches: &ArgMatches,
-    global: &Global,
+    global: &GlobalArgs,
     inputs: &Inputs,
 ) -> Result<ExitCode> {
     let clock = Instant::now();
-    let sources = Sources { matches, sets: &args.sets, config: None };
+    let sources = OptionSources { matches, sets: &args.sets, config: None };
     let limits = &args.dataset_options.limits;
     let options = &sources.resolve(&args.options, limits, |()| MeshOptions::default())?.options;
     options.validate()?;
@@ -131,7 +131,7 @@ fn photos(
         return Ok(None);
     };
     let dataset = Dataset::load(path, &args.dataset_options)?;
-    outputs.spare_photos(&dataset)?;
+    outputs.forbid_overwriting_photos(&dataset)?;
     if !from_photos {
         report.inputs.push(path.display().to_string());
     }

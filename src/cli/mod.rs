@@ -29,5 +29,5 @@ mod train_view;
 #[cfg(feature = "view")]
 pub mod view;
 
-pub use flags::Global;
+pub use flags::GlobalArgs;
 pub use program::main;

@@ -23,9 +23,9 @@ pub(super) struct Outputs<'a> {
     resumed: HashMap<FileId, PathBuf>,
     planned: Vec<Planned>,
     /// Outputs that an interrupted run of the same command wrote, which may be replaced.
-    pub(super) begun: Vec<PathBuf>,
+    pub(super) unfinished: Vec<PathBuf>,
     /// Folders of outputs, and whether an input in one of them is in danger.
-    folders: Vec<(&'static str, PathBuf, InDanger)>,
+    folders: Vec<(&'static str, PathBuf, IsEndangered)>,
     /// Held until the command ends.
     locks: Vec<FolderLock>,
     files: Vec<AtomicFile>,
@@ -33,8 +33,8 @@ pub(super) struct Outputs<'a> {
     made: Vec<MadeFolders>,
 }
 
-/// Whether an input that is directly in a folder of outputs might be replaced or removed.
-type InDanger = fn(&Path) -> bool;
+/// True for an input in a folder of outputs that might be replaced or removed.
+type IsEndangered = fn(&Path) -> bool;
 
 /// A file that will be written.
 #[derive(Debug)]
@@ -42,7 +42,7 @@ struct Planned {
     option: &'static str,
     path: PathBuf,
     id: FileId,
-    /// It must not exist yet.
+    /// True for a file that must not exist yet.
     is_new: bool,
 }
 
@@ -52,10 +52,10 @@ impl<'a> Outputs<'a> {
         Self {
             replace,
             read,
-            inputs: known(read.files()),
+            inputs: by_identity(read.files()),
             resumed: HashMap::new(),
             planned: Vec::new(),
-            begun: Vec::new(),
+            unfinished: Vec::new(),
             folders: Vec::new(),
             locks: Vec::new(),
             files: Vec::new(),
@@ -65,13 +65,13 @@ impl<'a> Outputs<'a> {
 
     /// Adds an input whose option is not that of a path, and the files that it names.
     pub(super) fn add_input(&mut self, path: &Path) {
-        self.inputs.extend(known(self.read.files_of(path)));
+        self.inputs.extend(by_identity(self.read.files_of(path)));
     }
 
     /// Adds a checkpoint, or those of a folder: inputs until [`Outputs::release`].
     pub(super) fn add_resumed(&mut self, path: &Path) {
         let inside = input::entries(path).filter(|path| path.is_file());
-        self.resumed.extend(known(inside.chain([path.to_owned()])));
+        self.resumed.extend(by_identity(inside.chain([path.to_owned()])));
     }
 
     /// Later outputs may replace what the run goes on from, and existing files if `replace`.
@@ -102,14 +102,14 @@ impl<'a> Outputs<'a> {
     }
 
     /// Plans a folder for files with names of their own; it must not hold an input that is
-    /// `in_danger`.
+    /// `is_endangered`.
     pub(super) fn check_folder(
         &mut self,
         option: &'static str,
         folder: &Path,
-        in_danger: InDanger,
+        is_endangered: IsEndangered,
     ) -> Result<()> {
-        self.folders.push((option, folder.to_owned(), in_danger));
+        self.folders.push((option, folder.to_owned(), is_endangered));
         self.check_inputs()
     }
 
@@ -151,7 +151,7 @@ impl<'a> Outputs<'a> {
                 "a file in a folder that exists; `{make} {folder}` makes this one"
             ));
         }
-        let replaced = self.replace || self.begun.iter().any(|one| one == path);
+        let replaced = self.replace || self.unfinished.iter().any(|one| one == path);
         let is_new = !replaced && path.as_os_str() != "-" && !device;
         let planned = Planned { option, path: path.to_owned(), id, is_new };
         self.check_input(&planned)?;
@@ -164,7 +164,7 @@ impl<'a> Outputs<'a> {
     ///
     /// # Errors
     ///
-    /// Those of [`Outputs::plan`]; a folder of tiles that holds an input.
+    /// Errors of [`Outputs::plan`]; a folder of tiles that holds an input.
     pub(super) fn plan_scene(&mut self, scene: &Output) -> Result<()> {
         scene.paths().try_for_each(|path| self.plan("--output", path))?;
         scene.tiles().map_or(Ok(()), |folder| self.check_folder("--output", &folder, |_| true))
@@ -182,21 +182,21 @@ impl<'a> Outputs<'a> {
         self.replace |= dry_run;
         self.plan_scene(scene)?;
         self.replace = replace;
-        self.claim_report(report)?;
+        self.reserve_report(report)?;
         let files = if dry_run { scene.dry_run() } else { scene.start()? };
-        self.confirm().map(|()| files)
+        self.recheck().map(|()| files)
     }
 
     /// Plans to write `path` and starts it, so that no other program does.
-    pub(super) fn claim(&mut self, option: &'static str, path: &Path) -> Result<()> {
+    pub(super) fn reserve(&mut self, option: &'static str, path: &Path) -> Result<()> {
         self.plan(option, path)?;
         self.files.push(AtomicFile::create(path)?);
-        self.confirm()
+        self.recheck()
     }
 
     /// Plans to write a report, if one is asked for, and starts it.
-    pub(super) fn claim_report(&mut self, path: Option<&Path>) -> Result<()> {
-        path.map_or(Ok(()), |path| self.claim("--report", path))
+    pub(super) fn reserve_report(&mut self, path: Option<&Path>) -> Result<()> {
+        path.map_or(Ok(()), |path| self.reserve("--report", path))
     }
 
     /// Writes a report that was claimed.
@@ -210,13 +210,13 @@ impl<'a> Outputs<'a> {
 
     /// Plans to write `path` later or repeatedly; fails if it cannot be written. The reader of a
     /// pipe would take a try for all.
-    pub(super) fn probe(&mut self, option: &'static str, path: &Path) -> Result<()> {
+    pub(super) fn check_writable(&mut self, option: &'static str, path: &Path) -> Result<()> {
         self.plan(option, path)?;
         if is_stream(path) { Ok(()) } else { AtomicFile::create(path).map(drop) }
     }
 
     /// Fails if another program wrote a planned file before it was started.
-    pub(super) fn confirm(&self) -> Result<()> {
+    pub(super) fn recheck(&self) -> Result<()> {
         self.planned.iter().try_for_each(Planned::check_new)
     }
 
@@ -225,21 +225,21 @@ impl<'a> Outputs<'a> {
     /// # Errors
     ///
     /// One of them is an output.
-    pub(super) fn spare_photos(&mut self, dataset: &Dataset) -> Result<()> {
+    pub(super) fn forbid_overwriting_photos(&mut self, dataset: &Dataset) -> Result<()> {
         let photos =
             dataset.views.iter().flat_map(|v| std::iter::once(&v.photo.path).chain(&v.photo.mask));
-        self.inputs.extend(known(photos.cloned()));
+        self.inputs.extend(by_identity(photos.cloned()));
         self.check_inputs()
     }
 
     /// Fails if an input is an output.
     fn check_inputs(&self) -> Result<()> {
         self.planned.iter().try_for_each(|planned| self.check_input(planned))?;
-        for (option, folder, in_danger) in &self.folders {
+        for (option, folder, is_endangered) in &self.folders {
             let id = FileId::of(folder);
             let mut parents: HashMap<&Path, bool> = HashMap::new();
             for input in
-                self.inputs.values().chain(self.resumed.values()).filter(|path| in_danger(path))
+                self.inputs.values().chain(self.resumed.values()).filter(|path| is_endangered(path))
             {
                 let parent = folder_of(input);
                 if !*parents.entry(parent).or_insert_with(|| FileId::of(parent) == id) {
@@ -285,7 +285,7 @@ impl Planned {
 }
 
 /// Files by identity; streams and names of nothing are left out.
-fn known(files: impl IntoIterator<Item = PathBuf>) -> HashMap<FileId, PathBuf> {
+fn by_identity(files: impl IntoIterator<Item = PathBuf>) -> HashMap<FileId, PathBuf> {
     let files = files.into_iter().filter(|path| !is_stream(path) && !path.as_os_str().is_empty());
     files.map(|path| (FileId::of(&path), path)).collect()
 }

@@ -1,13 +1,13 @@
 //! A scene in blocks: `trisplat plan DATASET -o CITY`, `trisplat train --block`, `trisplat merge`.
 
 use super::bake::ByteSize;
-use super::flags::Sources;
+use super::flags::OptionSources;
 use super::inputs::Inputs;
 use super::messages::{self, many};
 use super::outputs::Outputs;
 use super::train_args::{BlockAddress, TrainArgs, check_ply};
 use super::train_progress::Bar;
-use super::{Global, signals};
+use super::{GlobalArgs, signals};
 use clap::ArgMatches;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -27,7 +27,7 @@ use trisplat_train::{
     BackendOptions, PREVIEW_PREFIX, Preview, TrainInputs, TrainOptions, TrainOutputs, checkpoint,
 };
 
-/// What to plan.
+/// Data set and blocks of a plan.
 #[derive(Debug, clap::Args)]
 pub struct PlanArgs {
     /// Folder of posed photos (COLMAP model or transforms.json).
@@ -75,7 +75,7 @@ pub struct PlanArgs {
 pub fn run(
     args: &PlanArgs,
     matches: &ArgMatches,
-    global: &Global,
+    global: &GlobalArgs,
     inputs: &Inputs,
     out: &mut dyn Write,
 ) -> Result<ExitCode> {
@@ -91,10 +91,10 @@ fn make(
     args: &PlanArgs,
     matches: &ArgMatches,
     (path, city): (&Path, &Path),
-    global: &Global,
+    global: &GlobalArgs,
     inputs: &Inputs,
 ) -> Result<ExitCode> {
-    let sources = Sources { matches, sets: &args.sets, config: args.config.as_deref() };
+    let sources = OptionSources { matches, sets: &args.sets, config: args.config.as_deref() };
     let whole =
         sources.resolve(&args.options, &args.dataset_options.limits, TrainOptions::preset)?.options;
     whole.validate()?;
@@ -104,9 +104,9 @@ fn make(
     files.make_folder(city)?;
     let path_of_plan = city.join(NAME);
     // If the manifest exists, so do all files of the plan.
-    files.claim("--output", &path_of_plan)?;
+    files.reserve("--output", &path_of_plan)?;
     let dataset = Dataset::load(path, &args.dataset_options)?;
-    files.spare_photos(&dataset)?;
+    files.forbid_overwriting_photos(&dataset)?;
     let planner = Planner {
         dataset: &dataset,
         dataset_options: &args.dataset_options,
@@ -128,7 +128,7 @@ fn make(
     let coarse = coarse.as_ref().map(|(path, scene)| (path.as_path(), scene));
     let mut file = files.take(&path_of_plan)?;
     let manifest = planner.plan(&mut file, photos, coarse, max_bytes)?;
-    files.confirm()?;
+    files.recheck()?;
     manifest.write(file)?;
     if !global.quiet {
         dataset.warnings.iter().for_each(|warning| messages::print(&format!("warning: {warning}")));
@@ -154,7 +154,7 @@ fn coarse_scene(
     dataset: &Dataset,
     options: &(TrainOptions, u64),
     path: &Path,
-    global: &Global,
+    global: &GlobalArgs,
 ) -> Result<Option<(PathBuf, ImportedScene)>> {
     let limits = args.dataset_options.limits;
     let made = match find_coarse(path, &limits) {
@@ -176,7 +176,7 @@ fn train_coarse(
     dataset: &Dataset,
     (options, until): &(TrainOptions, u64),
     path: &Path,
-    global: &Global,
+    global: &GlobalArgs,
 ) -> Result<Option<PathBuf>> {
     let point = path.with_extension("checkpoint");
     let outputs = TrainOutputs {
@@ -238,7 +238,7 @@ fn print_status(args: &PlanArgs, city: &Path, out: &mut dyn Write) -> Result<()>
 
 // ---- `trisplat merge CITY -o OUT.ply`: one scene of the blocks of a plan ------------------------
 
-/// What to merge.
+/// Plan to merge.
 #[derive(Debug, clap::Args)]
 pub struct MergeArgs {
     /// Folder of a plan all of whose blocks are trained, or its manifest.json.
@@ -253,11 +253,11 @@ pub struct MergeArgs {
 }
 
 /// Merges.
-pub fn merge(args: &MergeArgs, global: &Global, inputs: &Inputs) -> Result<()> {
+pub fn merge(args: &MergeArgs, global: &GlobalArgs, inputs: &Inputs) -> Result<()> {
     check_ply(&args.output)?;
     let blocks = Blocks::open(&args.city, &global.limits()?)?;
     let mut files = Outputs::new(inputs, args.force);
-    files.claim("--output", &args.output)?;
+    files.reserve("--output", &args.output)?;
     let mut scene = files.take(&args.output)?;
     let triangles = blocks.merge_into(&mut scene)?;
     scene.commit()?;
@@ -275,7 +275,7 @@ pub fn merge(args: &MergeArgs, global: &Global, inputs: &Inputs) -> Result<()> {
 pub(super) fn train_block(
     args: &TrainArgs,
     block: &BlockAddress,
-    global: &Global,
+    global: &GlobalArgs,
     inputs: &Inputs,
 ) -> Result<ExitCode> {
     let clock = Instant::now();
@@ -293,7 +293,7 @@ pub(super) fn train_block(
     // Tried before any work, because another process may train this block.
     let mut file = AtomicFile::create(&done)?;
     let (dataset, cameras) = task.dataset(args.dataset.as_deref())?;
-    guard.spare_photos(&dataset)?;
+    guard.forbid_overwriting_photos(&dataset)?;
     let preview = args
         .preview
         .clone()
@@ -334,7 +334,7 @@ fn guard_block<'a>(
 ) -> Result<Outputs<'a>> {
     let mut files = Outputs::new(inputs, args.force || task.checkpoint().is_file());
     files.add_input(&block.plan);
-    args.log.as_deref().map_or(Ok(()), |path| files.probe("--log", path))?;
+    args.log.as_deref().map_or(Ok(()), |path| files.check_writable("--log", path))?;
     args.preview
         .as_deref()
         .map_or(Ok(()), |folder| files.plan_pictures("--preview", folder, PREVIEW_PREFIX))?;

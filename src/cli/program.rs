@@ -3,7 +3,7 @@
 use super::inputs::Inputs;
 use super::messages::{self, Stdout};
 use super::{
-    Global, bake, capture, eval, flags, info, make, mesh, plan, render, schema, signals,
+    GlobalArgs, bake, capture, eval, flags, info, make, mesh, plan, render, schema, signals,
     suggestions, train, train_args,
 };
 #[cfg(feature = "view")]
@@ -22,9 +22,9 @@ use trisplat_scene::{Error, Limits, Result};
 #[derive(Debug, Parser)]
 #[command(name = "trisplat", version = &*version().leak(), max_term_width = 100, arg_required_else_help = true)]
 pub struct Cli {
-    /// What is common to all commands.
+    /// Flags of all commands.
     #[command(flatten)]
-    pub global: Global,
+    pub global: GlobalArgs,
     /// The command.
     #[command(subcommand)]
     pub command: Command,
@@ -77,7 +77,7 @@ pub fn main() -> ExitCode {
     let mut program = suggestions::shorten(Cli::command());
     // Built first, so that flags of all commands are known behind a subcommand too.
     program.build();
-    let arguments = flags::written_out(&program, std::env::args_os());
+    let arguments = flags::expand_numbers(&program, std::env::args_os());
     let matches = match program.try_get_matches_from_mut(arguments) {
         Ok(matches) => matches,
         Err(error) => {
@@ -169,7 +169,7 @@ fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
 
 /// Starts the worker threads, up to the limit: each takes memory, and more than a few per core only
 /// cost time.
-fn start_threads(global: &Global, limits: &Limits) -> Result<()> {
+fn start_threads(global: &GlobalArgs, limits: &Limits) -> Result<()> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     // Rayon takes the number from this variable if it is not told another one.
     let of_rayon = || std::env::var("RAYON_NUM_THREADS").ok()?.parse().ok().filter(|n| *n > 0);

@@ -2,7 +2,7 @@
 //! and the stage table.
 
 use super::messages::{self, many, thousands};
-use super::{Global, flags};
+use super::{GlobalArgs, flags};
 use indicatif::{HumanCount, HumanDuration, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
@@ -15,15 +15,15 @@ use trisplat_job::Event;
 use trisplat_scene::report::{Report, StageDetails, StageReport, counted};
 use trisplat_train::TrainDetails;
 
-/// What is shown for a stage that does not report progress.
+/// Template of a stage without progress.
 const SPINNER: &str = "{spinner} {prefix:<10} {elapsed}  {msg}";
-/// The display of a stage that reports progress.
+/// Template of a stage with progress.
 const BAR: &str = "{spinner} {prefix:<10} {bar:30} {percent:>3}%  {msg}";
 /// Resolution of a bar.
 const PARTS: u64 = 1000;
-/// The time left is shown after this share of a stage, and ...
+/// Minimum share of a stage before the time left is shown.
 const MIN_FRACTION: f64 = 0.02;
-/// ... after this time.
+/// Minimum time before the time left is shown.
 const MIN_TIME: Duration = Duration::from_millis(500);
 /// A stage that changed nothing gets a line if it took this long.
 const TRIED_SECS: f64 = 0.1;
@@ -37,7 +37,7 @@ pub(super) struct Lines {
 }
 
 impl Lines {
-    pub(super) fn new(global: &Global, bar: impl FnOnce() -> ProgressBar) -> Self {
+    pub(super) fn new(global: &GlobalArgs, bar: impl FnOnce() -> ProgressBar) -> Self {
         let bar = (!global.quiet && std::io::stderr().is_terminal()).then(bar);
         Self { quiet: global.quiet, verbose: global.verbose, bar }
     }
@@ -77,7 +77,7 @@ pub struct Progress {
 
 impl Progress {
     /// Follows `-q` and `-v`.
-    pub fn new(global: &Global) -> Self {
+    pub fn new(global: &GlobalArgs) -> Self {
         let lines = Lines::new(global, || {
             let bar = ProgressBar::new(PARTS);
             set_template(&bar, SPINNER);
@@ -203,11 +203,11 @@ fn time_left(elapsed: Duration, fraction: f64) -> Option<String> {
     })
 }
 
-/// Whether a stage gets a line: it changed something, took long, or was requested.
+/// True for a stage with a line: one that changed something, took long, or was requested.
 fn is_told(stage: &StageReport) -> bool {
-    let asked =
+    let is_expected =
         |why: &String| matches!(stage.name.as_str(), "capture" | "train") || why == "done before";
-    stage.seconds >= TRIED_SECS || stage.skipped.as_ref().is_none_or(asked)
+    stage.seconds >= TRIED_SECS || stage.skipped.as_ref().is_none_or(is_expected)
 }
 
 /// One row of the stage table: `prune      2,012,345 → 1,720,011  (-14.5%)   0.04 s`.
@@ -396,7 +396,7 @@ mod tests {
 
     #[test]
     fn a_bar_never_goes_back() {
-        let mut progress = Progress::new(&Global { quiet: true, ..Global::default() });
+        let mut progress = Progress::new(&GlobalArgs { quiet: true, ..GlobalArgs::default() });
         progress.started("refit");
         for fraction in [0.1, 0.4, 0.3] {
             progress.progressed(fraction);

@@ -1,7 +1,7 @@
 //! `trisplat render FILE -o DIR`: pictures of a soup, a mesh or Gaussian splats, from given cameras
 //! or from a circle around it.
 
-use super::Global;
+use super::GlobalArgs;
 use super::inputs::Inputs;
 use super::messages::many;
 use super::outputs::Outputs;
@@ -13,7 +13,7 @@ use trisplat_scene::atomic::{AtomicFile, safe_path};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::{Error, Result};
 
-/// What to draw, and from which cameras.
+/// Scene and cameras to draw.
 #[derive(Debug, clap::Args)]
 pub struct RenderArgs {
     /// The scene, the cameras, and how it is drawn.
@@ -31,7 +31,7 @@ pub struct RenderArgs {
 }
 
 /// Draws all pictures.
-pub fn run(args: &RenderArgs, global: &Global, inputs: &Inputs) -> Result<()> {
+pub fn run(args: &RenderArgs, global: &GlobalArgs, inputs: &Inputs) -> Result<()> {
     check_folder(&args.output)?;
     let dataset = args
         .dataset
@@ -40,9 +40,9 @@ pub fn run(args: &RenderArgs, global: &Global, inputs: &Inputs) -> Result<()> {
         .transpose()?;
     let mut ready = args.job.clone().prepare(dataset.as_ref())?;
     let mut outputs = Outputs::new(inputs, args.force);
-    dataset.as_ref().map_or(Ok(()), |dataset| outputs.spare_photos(dataset))?;
+    dataset.as_ref().map_or(Ok(()), |dataset| outputs.forbid_overwriting_photos(dataset))?;
     let names = ready.cameras().iter().map(|(name, _)| name.as_str());
-    let pictures = Pictures::plan("--output", &args.output, names, &mut outputs)?;
+    let pictures = PictureFiles::plan("--output", &args.output, names, &mut outputs)?;
     let progress = Progress::new(global);
     let (card, warnings) = ready.draw_on()?;
     progress.drawing_on(card.as_deref(), &warnings);
@@ -71,13 +71,13 @@ fn check_folder(folder: &Path) -> Result<()> {
 
 // ---- A folder of pictures, one per photo and named like it --------------------------------------
 
-/// Where each picture goes.
+/// Paths of the pictures.
 #[derive(Debug)]
-pub(super) struct Pictures {
+pub(super) struct PictureFiles {
     paths: Vec<PathBuf>,
 }
 
-impl Pictures {
+impl PictureFiles {
     /// Names a picture for each photo and makes the folder, locked for other programs while
     /// `outputs` exists.
     ///
@@ -116,7 +116,9 @@ fn file_names<'a>(photos: &'a [&str]) -> impl Iterator<Item = PathBuf> + 'a {
     let short: Vec<PathBuf> =
         photos.iter().map(|name| safe_path(name).with_extension("png")).collect();
     let mut count = std::collections::HashMap::new();
-    short.iter().for_each(|name| *count.entry(name.clone()).or_insert(0usize) += 1);
+    for name in &short {
+        *count.entry(name.clone()).or_insert(0usize) += 1;
+    }
     photos.iter().zip(short).map(move |(photo, short)| match count[&short] {
         1 => short,
         _ => {

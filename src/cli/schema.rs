@@ -28,10 +28,10 @@ use trisplat_scene::{Error, Result};
 use trisplat_surface::{CollisionDetails, SurfaceDetails};
 use trisplat_train::{TrainDetails, TrainOptions};
 
-/// Which schema.
+/// Schema to print.
 #[derive(Debug, clap::Args)]
 pub struct SchemaArgs {
-    /// What it describes.
+    /// Kind of the file.
     #[arg(value_enum)]
     pub name: SchemaName,
 }
@@ -53,7 +53,7 @@ pub enum SchemaName {
     Plan,
     /// The file written by `trisplat eval --report`.
     Eval,
-    /// What `trisplat validate --json` prints.
+    /// Output of `trisplat validate --json`.
     Validate,
 }
 
@@ -142,7 +142,7 @@ pub fn run(args: &SchemaArgs) -> Result<()> {
 /// The main page, which names all others.
 const PROGRAM_PAGE: &str = "trisplat.1";
 
-/// Where to.
+/// Folder of the pages.
 #[derive(Debug, clap::Args)]
 pub struct ManArgs {
     /// Folder for the pages; made if missing. Pages in it are replaced.
@@ -173,7 +173,7 @@ fn write_pages(command: clap::Command, folder: &AtomicFolder) -> Result<()> {
         .map_err(|e| Error::io(&path, e))
 }
 
-/// Which shell.
+/// Shell of the script.
 #[derive(Debug, clap::Args)]
 pub struct CompletionsArgs {
     /// The shell to complete for.

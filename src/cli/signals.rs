@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicI32, AtomicUsize, Ordering};
 use trisplat_scene::{atomic, process};
 
-/// How many observers listen.
+/// Number of listening observers.
 static LISTENERS: AtomicUsize = AtomicUsize::new(0);
 static RECEIVED: AtomicI32 = AtomicI32::new(0);
 /// The offset of exit codes for signals in shells.

@@ -87,7 +87,7 @@ fn meant_target(error: &Error) -> Option<String> {
     named.next().map(|target| target.get_name().to_owned())
 }
 
-/// Whether one is the other with at most a third of its letters changed, or its beginning.
+/// True if one word is the other with at most a third of its letters changed, or its beginning.
 fn near(typed: &str, suggested: &str) -> bool {
     let [a, b] = [typed, suggested]
         .map(|flag| flag.trim_start_matches('-').split([' ', '=']).next().unwrap_or_default());
@@ -125,7 +125,7 @@ fn options_of(word: &str) -> Option<Value> {
     }
 }
 
-/// Whether an option, or an option of a group, has this name.
+/// True if an option, or an option of a group, has this name.
 fn has(options: &Value, field: &str) -> bool {
     let own = options.get(field).is_some_and(|value| !value.is_object());
     own || options.as_object().into_iter().flatten().any(|(_, group)| group.get(field).is_some())

@@ -1,6 +1,6 @@
-//! What the terminal shows of a job: trainings, drawings, stages.
+//! Terminal output of a job: trainings, drawings, stages.
 
-use super::Global;
+use super::GlobalArgs;
 use super::messages::thousands;
 use super::progress::Progress;
 use super::signals::{self, Listener};
@@ -15,7 +15,7 @@ use trisplat_scene::report::counted;
 
 /// Shows a job, and stops it where a request to stop does not lose work: in captures and trainings.
 pub(super) struct Terminal<'a> {
-    global: &'a Global,
+    global: &'a GlobalArgs,
     command: Command,
     /// While it is there, a request to stop waits for the next event; otherwise it ends the
     /// program.
@@ -32,7 +32,7 @@ pub(super) struct Terminal<'a> {
 
 impl<'a> Terminal<'a> {
     /// Spells the fields named in reasons and warnings as the flags of `command`.
-    pub(super) fn new(global: &'a Global, command: Command) -> Self {
+    pub(super) fn new(global: &'a GlobalArgs, command: Command) -> Self {
         let drawing = None;
         let stages = None;
         let bar = None;
@@ -126,7 +126,7 @@ impl<'a> Terminal<'a> {
                 self.trials += 1;
                 if self.trials == 1 {
                     bar.line(&format!(
-                        "a short training leaves some photos out, to see whether exposures are to be corrected: {count}"
+                        "trial run on a validation split, which decides the correction of exposures: {count}"
                     ));
                 }
             }
@@ -189,7 +189,7 @@ impl<'a> Terminal<'a> {
     }
 }
 
-/// What left-out photos showed of the exposures that were estimated.
+/// Evidence of left-out photos for the estimated exposures.
 fn exposure(evidence: &ExposureEvidence) -> String {
     let ExposureEvidence { photos, slopes, strengths } = evidence;
     let percent = |share: f32| format!("{:.0}%", 100.0 * share);

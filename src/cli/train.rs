@@ -1,6 +1,6 @@
 //! `trisplat train DATASET -o scene.ply`.
 
-use super::flags::{self, Sources};
+use super::flags::{self, OptionSources};
 use super::inputs::Inputs;
 use super::messages::{self, many};
 use super::outputs::Outputs;
@@ -8,7 +8,7 @@ use super::progress::Progress;
 use super::terminal::Terminal;
 use super::train_args::{self, TrainArgs};
 use super::train_progress::Bar;
-use super::{Global, plan, signals};
+use super::{GlobalArgs, plan, signals};
 use clap::ArgMatches;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ use trisplat_train::{
 pub fn run(
     args: &TrainArgs,
     matches: &ArgMatches,
-    global: &Global,
+    global: &GlobalArgs,
     inputs: &Inputs,
     watcher: Option<Box<dyn Watcher>>,
 ) -> Result<ExitCode> {
@@ -51,7 +51,8 @@ pub fn run(
         None => {
             let preset =
                 if args.from.is_some() { TrainOptions::from_scene } else { TrainOptions::preset };
-            let sources = Sources { matches, sets: &args.sets, config: args.config.as_deref() };
+            let sources =
+                OptionSources { matches, sets: &args.sets, config: args.config.as_deref() };
             let options = sources.resolve(&args.options, &args.dataset_options.limits, preset)?;
             options.options.validate()?;
             options
@@ -61,7 +62,7 @@ pub fn run(
     let read = |path| formats::read(path, &how.read_options(3));
     let mut from = args.from.as_deref().map(read).transpose()?;
     let dataset = dataset(args, &how, from.as_mut(), &options.options, global)?;
-    files.spare_photos(&dataset)?;
+    files.forbid_overwriting_photos(&dataset)?;
     let teacher_file = train_args::beside(&args.output);
     let mut job = TrainJob::new(dataset, options.options.clone());
     job.dataset_options = how;
@@ -125,7 +126,7 @@ pub fn run(
 pub trait Watcher {
     /// The data set of the run.
     fn begun(&mut self, dataset: &Dataset);
-    /// Whether it shows the present scene.
+    /// True to get the present scene.
     fn wants_scene(&mut self) -> bool;
     /// The scene after the step of `sample`.
     fn scene(&mut self, sample: &TrainSample, scene: Box<ImportedScene>);
@@ -144,7 +145,7 @@ struct TrainTerminal<'a, 'b> {
     warnings: Vec<String>,
     /// The teacher, once it was written.
     written: Option<OutputReport>,
-    /// Why it stopped the job.
+    /// Error that stopped the job.
     failed: Option<Error>,
 }
 
@@ -180,7 +181,7 @@ impl TrainTerminal<'_, '_> {
             TrainPart::Teacher => {
                 // The file of a requested one is claimed already.
                 if self.args.teacher.teacher.is_none() {
-                    self.files.claim("--teacher", &self.teacher_file)?;
+                    self.files.reserve("--teacher", &self.teacher_file)?;
                 }
                 return self.terminal.begin(begins, None);
             }
@@ -195,7 +196,7 @@ impl TrainTerminal<'_, '_> {
                 flags::as_flags(warning, &flags::command_of::<TrainArgs>("train"))
             ));
         }
-        // What was decided for the user, and how to decide otherwise.
+        // An automatic decision, and the flag that overrides it.
         let asked = self.args.dataset_options.masks;
         if asked == Masks::Auto
             && begins.photos.is_some_and(|photos| photos.masks(asked) == Masks::Cut)
@@ -270,7 +271,7 @@ fn dataset(
     how: &DatasetOptions,
     from: Option<&mut ImportedScene>,
     options: &TrainOptions,
-    global: &Global,
+    global: &GlobalArgs,
 ) -> Result<Dataset> {
     match (&args.dataset, &args.from, from) {
         (None, Some(path), Some(scene)) => {
@@ -289,7 +290,7 @@ fn draw(
     options: &TrainOptions,
     behind: Option<[f32; 3]>,
     how: &DatasetOptions,
-    global: &Global,
+    global: &GlobalArgs,
 ) -> Result<Dataset> {
     let drawing = options.drawing(how.background.to_f32());
     let progress = Progress::new(global);
@@ -299,7 +300,7 @@ fn draw(
     dataset
 }
 
-/// What the run leaves behind.
+/// Outputs of the run beside its scene.
 fn outputs(args: &TrainArgs) -> TrainOutputs {
     let checkpoint =
         args.checkpoint.clone().unwrap_or_else(|| args.output.with_extension("checkpoint"));
@@ -321,18 +322,18 @@ fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &TrainOutputs) -> Re
     train_args::check_ply(out)?;
     // A default one is claimed when the photos are counted.
     let teacher_file = train_args::beside(out);
-    let plan = |source| TeacherPlan::asked(source, args.resume.is_some(), Some(&teacher_file));
+    let plan = |source| TeacherPlan::requested(source, args.resume.is_some(), Some(&teacher_file));
     let teacher = args.teacher.teacher.as_ref().map(plan);
     let read = teacher.as_ref().and_then(TeacherPlan::input);
     let trains = teacher == Some(TeacherPlan::Train);
     let mut files = Outputs::new(inputs, args.force);
     read.into_iter().for_each(|path| files.add_input(path));
     args.resume.iter().for_each(|path| files.add_resumed(path));
-    files.claim("--output", out)?;
+    files.reserve("--output", out)?;
     if trains {
-        files.claim("--teacher", &teacher_file)?;
+        files.reserve("--teacher", &teacher_file)?;
     }
-    files.claim_report(args.report.as_deref())?;
+    files.reserve_report(args.report.as_deref())?;
     // A resumed run adds to its log and replaces its own checkpoint.
     let goes_on = args.force || args.resume.is_some();
     files.release(goes_on);
@@ -343,9 +344,9 @@ fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &TrainOutputs) -> Re
             let wants = "a name without checkpoints of an earlier run, or --force to replace them";
             return Err(Error::invalid("--checkpoint", old.display(), wants));
         }
-        files.probe("--checkpoint", path)?;
+        files.check_writable("--checkpoint", path)?;
     }
-    args.log.as_deref().map_or(Ok(()), |path| files.probe("--log", path))?;
+    args.log.as_deref().map_or(Ok(()), |path| files.check_writable("--log", path))?;
     args.preview
         .as_deref()
         .map_or(Ok(()), |folder| files.plan_pictures("--preview", folder, PREVIEW_PREFIX))?;

@@ -149,7 +149,7 @@ pub struct TrainArgs {
     /// Like --budget, in wall-clock time.
     #[arg(long, value_name = "TIME", conflicts_with = "steps")]
     pub budget_wall: Option<Seconds>,
-    /// Where to train.
+    /// Training backend.
     #[command(flatten, next_help_heading = "Backend")]
     pub backend_options: BackendOptions,
     /// The photos.

@@ -1,6 +1,6 @@
 //! The terminal output of a training: a bar on a TTY, the log, and Ctrl-C.
 
-use super::Global;
+use super::GlobalArgs;
 use super::messages::{Stdout, many};
 use super::progress::Lines;
 use super::signals::Listener;
@@ -31,14 +31,14 @@ pub struct Bar {
     pub rate_from: Option<u64>,
 }
 
-/// How long the first steps are timed.
+/// Seconds over which the rate of the first steps is measured.
 const RATE_SECS: f64 = 3.0;
 
 impl Bar {
     /// A bar over `steps`, with `done` made already. A log file begins with the samples `before` of
     /// the resumed run.
     pub fn new(
-        global: &Global,
+        global: &GlobalArgs,
         steps: u64,
         done: u64,
         log: Option<&Path>,
@@ -82,7 +82,7 @@ impl Bar {
     ///
     /// # Errors
     ///
-    /// It was stopped without a checkpoint.
+    /// A stop without a checkpoint.
     pub fn is_stopped(&mut self, what: &str, trained: &Trained) -> Result<bool> {
         let lost = self.done().join("; ");
         match &trained.checkpoint {

@@ -13,7 +13,7 @@ use super::inputs::Inputs;
 use super::train::{self, Watcher};
 use super::train_args::TrainArgs;
 use super::view::{self, PosedPhotos};
-use super::{Global, messages, signals};
+use super::{GlobalArgs, messages, signals};
 use clap::ArgMatches;
 use glam::UVec2;
 use std::path::{Path, PathBuf};
@@ -41,7 +41,7 @@ const MSAA: u32 = 4;
 
 /// A message of the training.
 enum WatchMessage {
-    /// It is on these photos.
+    /// Photos of the training.
     Photos(PosedPhotos),
     /// The present scene, its metadata, and the duration of the copy.
     Scene(Box<ImportedScene>, String, Duration),
@@ -57,7 +57,7 @@ enum WatchMessage {
 pub(super) fn run(
     args: &TrainArgs,
     matches: &ArgMatches,
-    global: &Global,
+    global: &GlobalArgs,
     inputs: &Inputs,
 ) -> Result<ExitCode> {
     let (sender, received) = mpsc::channel();

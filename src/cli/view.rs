@@ -14,7 +14,7 @@ use trisplat_view::window::{
     self, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene,
 };
 
-/// What to show, and how.
+/// Scene and window.
 #[derive(Debug, Clone, clap::Args)]
 pub struct ViewArgs {
     /// Scene to show: .glb .gltf .obj .off .ply .pt; a soup is baked in memory. Gaussian splats
@@ -37,10 +37,10 @@ pub struct ViewArgs {
     /// Folder for the screenshots that F12 takes and the regions that Enter saves.
     #[arg(long, default_value = ".", value_name = "DIR")]
     pub screenshots: PathBuf,
-    /// Which graphics card draws.
+    /// Graphics card.
     #[command(flatten, next_help_heading = "Graphics card")]
     pub adapter: AdapterOptions,
-    /// How the data set is read.
+    /// Reading options of the data set.
     #[command(flatten, next_help_heading = "Data set")]
     pub dataset_options: DatasetOptions,
 }

@@ -3,7 +3,7 @@
 
 use super::convenience::AnyScene;
 use super::event::{Observer, add, stages};
-use super::gaussians::{self, Effort};
+use super::gaussians::{self, TrainingEffort};
 use super::harden::{self, Hardened};
 use super::size_limit::{self, BakeStart};
 use glam::Vec3;
@@ -81,8 +81,8 @@ pub struct BakeJob {
     pub began: Option<Instant>,
 }
 
-/// What the inputs hold.
-enum BakeScenes {
+/// Content of the inputs.
+enum InputContent {
     Scenes(Vec<ImportedScene>),
     Splats(Box<ImportedSplats>),
 }
@@ -179,7 +179,7 @@ impl BakeJob {
     ///
     /// # Errors
     ///
-    /// Those of [`BakeJob::run`], of the format and of the operating system.
+    /// Errors of [`BakeJob::run`], of the format and of the operating system.
     pub fn save(mut self, path: &Path, observer: Observer<'_>) -> Result<Baked> {
         let output = self.options.plan_output(path, None)?;
         let files = output.start()?;
@@ -259,24 +259,24 @@ impl BakeJob {
         files.chain(photos).map(|path| path.display().to_string()).collect()
     }
 
-    /// The scene to bake: the inputs, hardened if asked. Hardening is a stage of `report`.
+    /// The scene to bake: the inputs, hardened on request. Hardening is a stage of `report`.
     fn scenes(&self, report: &mut Report, observer: Observer<'_>) -> Result<Scenes> {
-        let how = &self.dataset_options;
-        let views = self.photos.as_ref().map(|photos| Views::new(photos, how));
+        let reading = &self.dataset_options;
+        let views = self.photos.as_ref().map(|photos| Views::new(photos, reading));
         let inputs = match self.read()? {
-            BakeScenes::Scenes(scenes) => scenes,
-            BakeScenes::Splats(splats) => return self.solid_of(*splats, views, report, observer),
+            InputContent::Scenes(scenes) => scenes,
+            InputContent::Splats(splats) => return self.solid_of(*splats, views, report, observer),
         };
         let Some(steps) = self.harden else {
             return Ok(Scenes { scenes: inputs, views, background: None });
         };
         let soft = merge(inputs)?;
         let mut background_details = None;
-        let hardened = match harden::needless(&soft) {
-            Some(why) => Hardened::needless(soft, why),
+        let hardened = match harden::reason_to_skip(&soft) {
+            Some(why) => Hardened::unneeded(soft, why),
             None => {
-                let most = self.options.prune.max_triangles;
-                let training = harden::training(steps, soft.scene.triangle_count(), most);
+                let max_triangles = self.options.prune.max_triangles;
+                let training = harden::training(steps, soft.scene.triangle_count(), max_triangles);
                 let photos = self.photos.as_ref();
                 let options = &self.options.background;
                 let has_photos = photos.is_some();
@@ -288,7 +288,7 @@ impl BakeJob {
                 )?;
                 let behind = found.object_color();
                 background_details = Some(found);
-                harden::harden((self.path(), soft), behind, photos, how, &training, observer)?
+                harden::harden((self.path(), soft), behind, photos, reading, &training, observer)?
             }
         };
         add(hardened.stage, report, observer);
@@ -307,11 +307,12 @@ impl BakeJob {
         report: &mut Report,
         observer: Observer<'_>,
     ) -> Result<Scenes> {
-        let effort = Effort::of(self.options.preset, self.harden);
+        let effort = TrainingEffort::of(self.options.preset, self.harden);
         let amount = (effort, self.options.prune.max_triangles);
         let photos = self.photos.as_ref();
-        let how = &self.dataset_options;
-        let solid = gaussians::solid((self.path(), splats), photos, how, amount, report, observer)?;
+        let reading = &self.dataset_options;
+        let solid =
+            gaussians::solid((self.path(), splats), photos, reading, amount, report, observer)?;
         add(solid.stage, report, observer);
         Ok(Scenes { scenes: vec![solid.scene], views: views.or(solid.pictures), background: None })
     }
@@ -323,7 +324,7 @@ impl BakeJob {
 
     /// Reads every input. Readers run one after the other, so that memory holds one file's spare
     /// buffers at a time.
-    fn read(&self) -> Result<BakeScenes> {
+    fn read(&self) -> Result<InputContent> {
         let is_stream =
             |input: &&BakeInput| matches!(input, BakeInput::File(p) if p.as_os_str() == "-");
         if self.inputs.iter().filter(is_stream).count() > 1 {
@@ -339,7 +340,7 @@ impl BakeJob {
             match content {
                 Content::Scene(scene) => scenes.push(scene),
                 Content::Splats(splats) if self.inputs.len() == 1 => {
-                    return Ok(BakeScenes::Splats(Box::new(splats)));
+                    return Ok(InputContent::Splats(Box::new(splats)));
                 }
                 Content::Splats(_) => {
                     let reason = "holds 3D Gaussians, which are baked alone: bake it to a .glb, then merge that";
@@ -347,12 +348,13 @@ impl BakeJob {
                 }
             }
         }
-        Ok(BakeScenes::Scenes(scenes))
+        Ok(InputContent::Scenes(scenes))
     }
 
     /// The SH degree to read: only the teacher draws more than degree 0.
     fn sh_degree(&self) -> u8 {
-        let teaches = self.photos.is_none() && self.options.teacher.teacher == TeacherWhen::Auto;
-        if teaches || self.harden.is_some() { 3 } else { 0 }
+        let draws_teacher =
+            self.photos.is_none() && self.options.teacher.teacher == TeacherWhen::Auto;
+        if draws_teacher || self.harden.is_some() { 3 } else { 0 }
     }
 }

@@ -52,16 +52,16 @@ pub struct EvalJob {
     /// of each step. Gaussian splats are drawn as their trainers draw them.
     #[cfg_attr(feature = "cli", arg(value_name = "FILE"))]
     pub file: PathBuf,
-    /// How it is drawn.
+    /// Kind of drawing.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub render: RenderOptions,
-    /// Which photos.
+    /// Photos to score.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub split: Split,
-    /// Where soft drawings are made.
+    /// Device for soft drawings.
     #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Backend"))]
     pub backend: BackendOptions,
-    /// How the data set is read.
+    /// Reading options of the data set.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub dataset_options: DatasetOptions,
     /// Also measure depth at tracked points, and the coverage of views beside the cameras.
@@ -98,7 +98,7 @@ impl EvalJob {
     ///
     /// # Errors
     ///
-    /// Those of [`EvalJob::prepare`] and of [`ReadyEval::run`].
+    /// Errors of [`EvalJob::prepare`] and of [`ReadyEval::run`].
     pub fn run(self, dataset: &Dataset) -> Result<EvalReport> {
         let mut ready = self.prepare(dataset)?;
         ready.draw_on(|_, _| {})?;
@@ -245,7 +245,7 @@ impl<'a> ReadyEval<'a> {
                 depth: surface
                     .and_then(|(mesh, near)| extrapolation::depth(mesh, near, self.dataset)),
                 beside: surface
-                    .and_then(|(mesh, near)| extrapolation::beside(mesh, near, self.dataset)),
+                    .and_then(|(mesh, near)| extrapolation::coverage(mesh, near, self.dataset)),
                 name: step.name.to_owned(),
                 triangles: step.triangles,
                 splats: step.renderer.splat_count(),
@@ -260,8 +260,8 @@ impl<'a> ReadyEval<'a> {
         Ok(scores)
     }
 
-    /// What brings drawings to the exposure of each evaluated photo, as logarithms; `None` where it
-    /// is unknown. Nothing is read where no evaluated photo tracks points.
+    /// Exposure corrections of drawings to each evaluated photo, as logarithms; `None` for unknown
+    /// ones. Nothing is read where no evaluated photo tracks points.
     fn own_exposures(&self) -> Result<Vec<Option<[f32; 3]>>> {
         let is_tracked = |view: &&View| !view.tracked.is_empty();
         let unknown = vec![None; self.views.len()];

@@ -149,7 +149,7 @@ pub type Observer<'a> = &'a mut dyn FnMut(Event<'_>) -> ControlFlow<()>;
 ///
 /// # Errors
 ///
-/// It is stopped before it begins.
+/// The observer stops it before it begins.
 pub(super) fn begin<'a>(
     observer: Observer<'a>,
     begins: &TrainBegins<'_>,

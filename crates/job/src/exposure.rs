@@ -2,7 +2,7 @@
 //!
 //! Tracked points predict every photo's gain, white balance and falloff. Solid scenes are trained
 //! on uncorrected small photos, a quarter of them left out, and drawn for the left-out cameras.
-//! What these photos show of the predictions is corrected: [`ExposureEvidence`]. See
+//! The share of the predictions that these photos confirm is corrected: [`ExposureEvidence`]. See
 //! docs/benchmarks/exposure.md.
 
 use super::event::{Observer, TrainBegins, TrainPart, begin, stopped};
@@ -20,8 +20,9 @@ use trisplat_scene::{Result, SceneNormalization};
 use trisplat_train::budget::part_secs;
 use trisplat_train::{EvalScene, TrainInputs, TrainOptions, Trained, solve_exposures};
 
-/// Longer side of the photos, px, and triangles of a scene: a step takes about two milliseconds.
+/// Longer side of the photos, px: a step takes about two milliseconds.
 const LONGER_PX: u32 = 96;
+/// Maximum number of triangles of a scene.
 const MAX_TRIANGLES: u64 = 1500;
 /// Minimum pixels of a photo per triangle.
 const MIN_PIXELS_PER_TRIANGLE: u64 = 4;
@@ -125,7 +126,7 @@ fn trial_options(small: &Dataset, seed: u64) -> TrainOptions {
     }
 }
 
-/// Whether the trainings take little of the time of the run. Expected seconds decide instead of a
+/// True if the trainings take little of the time of the run. Expected seconds decide instead of a
 /// clock, so equal runs decide alike.
 fn has_time(dataset: &Dataset, options: &TrainOptions, budget_secs: Option<f64>) -> bool {
     let largest =
@@ -176,7 +177,7 @@ fn compare(
     let mut soft = SoftRasterizer::new();
     let mut solid = SolidRasterizer::new();
     for (i, view) in fold.views.iter().enumerate().filter(|(_, view)| view.test) {
-        // What is not known predicts nothing.
+        // Unknown exposures predict nothing.
         if solved.errors[i][1].is_infinite() {
             continue;
         }

@@ -1,5 +1,4 @@
-//! A scene where no photo stood: its depth at the tracked points, and what one sees beside the
-//! cameras.
+//! Novel-view coverage: depth at the tracked points, and views from beside the cameras.
 
 use glam::{UVec2, Vec3};
 use schemars::JsonSchema;
@@ -11,23 +10,23 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::Mesh;
 
-/// A depth is right within this share of the point's.
-const RIGHT: f32 = 0.01;
-/// It is wrong beyond this share.
-const WRONG: f32 = 0.05;
-/// Views from beside the cameras.
+/// Maximum relative error of a right depth.
+const RIGHT_DEPTH: f32 = 0.01;
+/// Minimum relative error of a wrong depth.
+const WRONG_DEPTH: f32 = 0.05;
+/// Number of views from beside the cameras.
 const VIEWS: usize = 120;
-/// Largest distance of such a view from its camera, in median depths of that camera.
-const ASIDE: f32 = 0.4;
+/// Maximum distance of such a view from its camera, in median depths of that camera.
+const MAX_OFFSET: f32 = 0.4;
 /// Width of the pixels of such a view, px of the photo; half as much again as that of the cameras'
 /// own.
-const ASIDE_STEP: u32 = 6;
+const NOVEL_STEP: u32 = 6;
 /// The same for the cameras' own views.
 const OWN_STEP: u32 = 4;
 /// Minimum share of such a view that a triangle without support fills: smaller ones are detail.
-const NOTICED: f32 = 0.002;
+const MIN_SHARE: f32 = 0.002;
 /// A triangle lacks support where it fills this many times more of a view than of any photo.
-const MAGNIFIED: f32 = 16.0;
+const MIN_MAGNIFICATION: f32 = 16.0;
 
 /// Depth along the rays from training photos to the points they track.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -73,10 +72,10 @@ pub(super) fn depth(mesh: &Mesh, near: f32, dataset: &Dataset) -> Option<DepthSc
                 plane_depth(mesh, face, camera, point.position) / z - 1.0
             };
             rays += 1;
-            within += u64::from(error.abs() < RIGHT);
-            before += u64::from(error < -WRONG);
+            within += u64::from(error.abs() < RIGHT_DEPTH);
+            before += u64::from(error < -WRONG_DEPTH);
             // A plane along the ray has no depth there.
-            behind += u64::from(!(error <= WRONG));
+            behind += u64::from(!(error <= WRONG_DEPTH));
         }
     }
     let share = |count: u64| count as f64 / rays as f64;
@@ -96,9 +95,9 @@ fn plane_depth(mesh: &Mesh, face: u32, camera: &Camera, point: Vec3) -> f32 {
     normal.dot(camera.rotation * a + camera.translation) / normal.dot(ray / ray.z)
 }
 
-/// What views beside the training cameras show of `mesh`, in the data set's frame; `None` without
-/// one.
-pub(super) fn beside(mesh: &Mesh, near: f32, dataset: &Dataset) -> Option<CoverageScores> {
+/// Coverage of `mesh`, in the data set's frame, in views beside the training cameras; `None` without
+/// a camera.
+pub(super) fn coverage(mesh: &Mesh, near: f32, dataset: &Dataset) -> Option<CoverageScores> {
     let cameras: Vec<Camera> = dataset.train().map(|view: &View| view.camera).collect();
     let options = options(near);
     let mut solid = SolidRasterizer::new();
@@ -110,7 +109,9 @@ pub(super) fn beside(mesh: &Mesh, near: f32, dataset: &Dataset) -> Option<Covera
     for camera in &cameras {
         let drawn = solid.visibility(mesh, &coarse(camera, OWN_STEP), &options);
         count(&drawn.face, &mut shares);
-        best.iter_mut().zip(&shares).for_each(|(best, share)| *best = best.max(*share));
+        for (best, share) in best.iter_mut().zip(&shares) {
+            *best = best.max(*share);
+        }
         let depths = drawn.depth.iter().copied().filter(|z| z.is_finite()).collect();
         reach.push(median(depths, f32::total_cmp).unwrap_or(1.0));
     }
@@ -124,13 +125,15 @@ pub(super) fn beside(mesh: &Mesh, near: f32, dataset: &Dataset) -> Option<Covera
         let height = 2.0 * height - 1.0;
         let (sin, cos) = (std::f32::consts::TAU * turn).sin_cos();
         let level = (1.0 - height * height).sqrt();
-        let offset = Vec3::new(level * cos, level * sin, height) * (ASIDE * reach * far.sqrt());
+        let offset =
+            Vec3::new(level * cos, level * sin, height) * (MAX_OFFSET * reach * far.sqrt());
         let moved =
             Camera { translation: camera.translation - camera.rotation * offset, ..*camera };
-        let drawn = solid.visibility(mesh, &coarse(&moved, ASIDE_STEP), &options);
+        let drawn = solid.visibility(mesh, &coarse(&moved, NOVEL_STEP), &options);
         let nothing = count(&drawn.face, &mut shares);
-        let lacks =
-            |(share, best): &(&f32, &f32)| **share > NOTICED && **share > MAGNIFIED * **best;
+        let lacks = |(share, best): &(&f32, &f32)| {
+            **share > MIN_SHARE && **share > MIN_MAGNIFICATION * **best
+        };
         unsupported +=
             shares.iter().zip(&best).filter(lacks).map(|(share, _)| f64::from(*share)).sum::<f64>();
         empty += f64::from(nothing);
@@ -228,13 +231,13 @@ mod tests {
         let (corners, faces) = octasphere(3);
         let ball: Vec<[Vec3; 3]> =
             faces.iter().map(|face| face.map(|i| corners[i as usize] * 40.0)).collect();
-        let clean = beside(&mesh(&ball), 0.01, &dataset).unwrap();
+        let clean = coverage(&mesh(&ball), 0.01, &dataset).unwrap();
         assert!(clean.unsupported < 0.005 && clean.empty == 0.0, "{clean:?}");
         // A slat behind the camera, seen only by views from farther back.
         let slat = |view: &View| across(&view.camera, -0.5, 8.0);
         let slats: Vec<[Vec3; 3]> = dataset.train().flat_map(slat).chain(ball).collect();
-        let found = beside(&mesh(&slats), 0.01, &dataset).unwrap();
+        let found = coverage(&mesh(&slats), 0.01, &dataset).unwrap();
         assert!(found.unsupported > clean.unsupported + 0.01, "{found:?}");
-        assert_eq!(beside(&mesh(&slats[..1]), 0.01, &dataset).map(|b| b.empty > 0.8), Some(true));
+        assert_eq!(coverage(&mesh(&slats[..1]), 0.01, &dataset).map(|b| b.empty > 0.8), Some(true));
     }
 }

@@ -26,27 +26,27 @@ const SHARE_BETWEEN: f64 = 0.5;
 /// Rate of the corners, as a share of that from points: the first triangles lie about right. Three
 /// times as much costs one object up to 1.6 dB and another up to 5.5, half as much up to 0.4
 /// (docs/benchmarks/splats.md).
-const CALM: f64 = 0.5;
+const CORNER_RATE_SHARE: f64 = 0.5;
 
 /// Steps of hardening from Gaussians, as a multiple of those from soft triangles: their first
 /// triangles are only near the surface.
-const GAUSSIANS_NEED: u64 = 4;
+const STEP_FACTOR: u64 = 4;
 
-/// How often cameras are put between neighbours, while there is room for more pictures.
+/// Maximum number of times that cameras are put between neighbours.
 const ROUNDS_BETWEEN: usize = 3;
 
-/// What goes into the triangles.
+/// Pictures, steps and triangles of a training on Gaussians.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Effort {
+pub(super) struct TrainingEffort {
     /// Maximum number of pictures.
     pictures: usize,
-    surroundings: Work,
+    surroundings: EffortLimits,
     /// An object has fewer surfaces, and its cut-out pictures cost less.
-    object: Work,
+    object: EffortLimits,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Work {
+struct EffortLimits {
     steps: u64,
     /// Maximum number of triangles, unless they are given.
     triangles: u64,
@@ -54,18 +54,18 @@ struct Work {
     longer_px: u32,
 }
 
-impl Effort {
+impl TrainingEffort {
     pub(super) const FAST: Self =
-        Self::alike(60, Work { steps: 2000, triangles: 20_000, longer_px: 400 });
+        Self::alike(60, EffortLimits { steps: 2000, triangles: 20_000, longer_px: 400 });
     const DEFAULT: Self = Self {
         pictures: 140,
-        surroundings: Work { steps: 3000, triangles: 80_000, longer_px: 640 },
+        surroundings: EffortLimits { steps: 3000, triangles: 80_000, longer_px: 640 },
         // Smaller pictures: splats are drawn with a blur of a pixel, and finer triangles show less
         // of it than the splats from far away.
-        object: Work { steps: 5000, triangles: 40_000, longer_px: 560 },
+        object: EffortLimits { steps: 5000, triangles: 40_000, longer_px: 560 },
     };
 
-    const fn alike(pictures: usize, work: Work) -> Self {
+    const fn alike(pictures: usize, work: EffortLimits) -> Self {
         Self { pictures, surroundings: work, object: work }
     }
 
@@ -73,8 +73,8 @@ impl Effort {
     pub(super) fn of(preset: BakePreset, harden: Option<u64>) -> Self {
         match (harden, preset) {
             (Some(harden), _) => {
-                let steps = harden.saturating_mul(GAUSSIANS_NEED);
-                Self::alike(200, Work { steps, triangles: 100_000, longer_px: 800 })
+                let steps = harden.saturating_mul(STEP_FACTOR);
+                Self::alike(200, EffortLimits { steps, triangles: 100_000, longer_px: 800 })
             }
             (None, BakePreset::Fast) => Self::FAST,
             (None, _) => Self::DEFAULT,
@@ -82,12 +82,13 @@ impl Effort {
     }
 }
 
-impl Work {
+impl EffortLimits {
     /// The training is that of photos, not that of a soft scene: the first triangles lie about
     /// right but overlap, so they must move.
-    fn training(&self, most: Option<u64>) -> TrainOptions {
+    fn training(&self, max_triangles: Option<u64>) -> TrainOptions {
         let preset = TrainOptions::preset(TrainPreset::Solid);
-        TrainOptions { steps: self.steps, max_triangles: most.unwrap_or(self.triangles), ..preset }
+        let max_triangles = max_triangles.unwrap_or(self.triangles);
+        TrainOptions { steps: self.steps, max_triangles, ..preset }
     }
 
     fn limited(&self, camera: &Camera) -> Camera {
@@ -99,7 +100,7 @@ impl Work {
     }
 }
 
-/// The solid scene of `splats`, read from `path`, with at most `most` triangles. It is trained on
+/// The solid scene of `splats`, read from `path`, with at most `max_triangles`. It is trained on
 /// pictures from the cameras beside the file, those of `photos`, or chosen ones; with photos, on
 /// these too.
 ///
@@ -110,7 +111,7 @@ pub(super) fn solid(
     (path, mut splats): (&Path, ImportedSplats),
     photos: Option<&Dataset>,
     how: &DatasetOptions,
-    (effort, most): (Effort, Option<u64>),
+    (effort, max_triangles): (TrainingEffort, Option<u64>),
     report: &mut Report,
     observer: Observer<'_>,
 ) -> Result<Hardened> {
@@ -134,8 +135,10 @@ pub(super) fn solid(
     let mut drawn = on_drawn(observer);
     let dataset = match photos {
         Some(photos) => {
-            // What each Gaussian contributes to the photos.
-            cameras.iter().for_each(|camera| drop(teacher.picture(camera)));
+            // The contribution of each Gaussian to the photos.
+            for camera in &cameras {
+                drop(teacher.picture(camera));
+            }
             drawn_beside(
                 photos,
                 SHARE_BETWEEN,
@@ -149,16 +152,16 @@ pub(super) fn solid(
     drop(drawn);
     let surroundings = teacher.shows_surroundings();
     let work = if surroundings { effort.surroundings } else { effort.object };
-    let mut options = work.training(most);
+    let mut options = work.training(max_triangles);
     let mut first = teacher.first_triangles((options.max_triangles as f64 * FIRST_SHARE) as usize);
     if first.is_empty() {
         return Err(shows_nothing(path));
     }
-    options.rates.corners *= CALM;
+    options.rates.corners *= CORNER_RATE_SHARE;
     if surroundings {
         let view = |view: &View| View { camera: to_file(&view.camera), ..view.clone() };
         let views: Vec<View> = dataset.train().map(view).collect();
-        // What lies far behind few viewpoints would else be painted close in front of them.
+        // Without a shell, few viewpoints would have the far background close in front of them.
         let middles: Vec<Vec3> = first.vertices.iter().copied().map(centroid).collect();
         let behind =
             shell_around(&middles, &views.iter().collect::<Vec<_>>(), &options, how.photo_bytes())?;
@@ -169,7 +172,7 @@ pub(super) fn solid(
     Ok(Hardened { scene, pictures, stage })
 }
 
-impl Effort {
+impl TrainingEffort {
     /// The cameras of the pictures, in the frame of the file: those that it stores with others
     /// between them, or chosen ones.
     fn cameras(&self, path: &Path, splats: &ImportedSplats) -> Result<Vec<Camera>> {
@@ -187,10 +190,10 @@ impl Effort {
         for _ in 0..ROUNDS_BETWEEN {
             let room = self.pictures.saturating_sub(found.cameras.len());
             let more = between(&found.cameras);
-            let known = found.cameras.clone();
+            let earlier = found.cameras.clone();
             found
                 .cameras
-                .extend(more.into_iter().filter(|camera| !known.contains(camera)).take(room));
+                .extend(more.into_iter().filter(|camera| !earlier.contains(camera)).take(room));
         }
         Ok(found.cameras)
     }

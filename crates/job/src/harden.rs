@@ -46,8 +46,8 @@ pub(super) struct Hardened {
 }
 
 impl Hardened {
-    /// `scene` unchanged, and the reason.
-    pub(super) fn needless(scene: ImportedScene, why: &str) -> Self {
+    /// The unchanged `scene`, with the reason.
+    pub(super) fn unneeded(scene: ImportedScene, why: &str) -> Self {
         let counts = scene.scene.counts();
         let stage = StageReport {
             before: counts,
@@ -58,8 +58,8 @@ impl Hardened {
     }
 }
 
-/// Why `scene` need not be hardened, if it is solid.
-pub(crate) fn needless(scene: &ImportedScene) -> Option<&'static str> {
+/// Reason not to harden `scene`, if it is solid.
+pub(crate) fn reason_to_skip(scene: &ImportedScene) -> Option<&'static str> {
     match &scene.scene {
         Scene::Mesh(_) => Some("the input is a mesh: its triangles are solid"),
         Scene::Soup(soup) => is_solid(soup).then_some("the scene is solid already"),
@@ -82,11 +82,11 @@ pub(super) fn harden(
 ) -> Result<Hardened> {
     let clock = Instant::now();
     let drawing = options.drawing(how.background.to_f32());
-    let mut own = None;
-    let made = match photos {
+    let mut own_pictures = None;
+    let drawn = match photos {
         Some(_) => None,
         None => {
-            let made = teacher::dataset(
+            let drawn = teacher::dataset(
                 path,
                 &soft,
                 &drawing,
@@ -94,16 +94,16 @@ pub(super) fn harden(
                 how.photo_bytes(),
                 &mut on_drawn(observer),
             )?;
-            own =
-                Some(pictures(&soft, behind, made.views.iter().map(|view| view.camera).collect()));
-            Some(made)
+            let cameras = drawn.views.iter().map(|view| view.camera).collect();
+            own_pictures = Some(pictures(&soft, behind, cameras));
+            Some(drawn)
         }
     };
-    let Some(dataset) = made.as_ref().or(photos) else {
+    let Some(dataset) = drawn.as_ref().or(photos) else {
         unreachable!("pictures are drawn where there are no photos");
     };
     let (scene, stage) = train(soft, dataset, how, options, clock, observer)?;
-    Ok(Hardened { scene, pictures: own, stage })
+    Ok(Hardened { scene, pictures: own_pictures, stage })
 }
 
 /// Trains `soft` solid on `dataset`; `clock` began with the stage.
@@ -135,7 +135,7 @@ pub(super) fn train(
     Ok((trained.into(), stage))
 }
 
-/// Minimum steps that make triangles opaque: what is left after fewer says nothing about the input.
+/// Minimum steps that make triangles opaque: the rest after fewer steps tells nothing of the input.
 const MIN_STEPS: u64 = 1000;
 /// Pictures that tell whether a scene is still there, and their longer side, px.
 const LOOKS: usize = 12;

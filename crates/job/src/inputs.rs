@@ -46,7 +46,7 @@ pub fn files_of(path: &Path, images: &Path, limits: &Limits) -> Vec<PathBuf> {
 ///
 /// # Errors
 ///
-/// Those of reading.
+/// Errors of reading.
 pub fn describe(path: &Path, options: &ReadOptions) -> Result<Info> {
     let (mut info, content) = info_of_content(path, options)?;
     let Content::Scene(mut loaded) = content else { return Ok(info) };

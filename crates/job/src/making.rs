@@ -5,7 +5,7 @@ use super::baking::{BakeInput, BakeJob};
 use super::evaluate::EvalJob;
 use super::event::{Event, MakePart, Observer, add, stages};
 use super::photo_check::check_photos;
-use super::scores::{RepresentationScore, ShownTwice};
+use super::scores::{RepresentationScore, SharedPixels};
 use super::training::{TrainJob, reading};
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
@@ -24,12 +24,12 @@ use trisplat_train::{BackendOptions, TrainOptions, TrainOutputs, checkpoint};
 const TRAINING: f64 = 0.85;
 /// Steps between checkpoints: a killed run loses at most these.
 const CHECKPOINT_EVERY: u64 = 500;
-/// A subject that is larger than this share of the cameras' distance surrounds them, as a room
-/// does.
-const LARGEST_SUBJECT: f64 = 0.6;
-/// Fewer photos show no shape, or leave none to judge it by.
+/// Maximum size of a subject, as a share of the cameras' distance: a larger one surrounds them, as
+/// a room does.
+const MAX_SUBJECT_SHARE: f64 = 0.6;
+/// Minimum number of photos: fewer show no shape, or leave none to judge it by.
 const MIN_PHOTOS: usize = 3;
-/// Why a finished part is skipped.
+/// Reason in the report for skipping a finished part.
 const DONE: &str = "done before";
 /// List of the training's files in the working folder.
 const FILES: &str = "files.json";
@@ -82,8 +82,8 @@ pub struct MakeDone {
     pub dataset: PathBuf,
     /// Quality of the capture; `None` for a given data set.
     pub verdict: Option<VerdictDetails>,
-    /// How close the file comes to photos that training did not see; `None` where it is not the
-    /// whole scene, and of files that are not read back.
+    /// Score of the file on held-out photos; `None` if it is not the whole scene or is of a format
+    /// without a reader.
     pub score: Option<RepresentationScore>,
     /// PSNR of these photos where at least two that training saw look, dB, by name; empty without a
     /// score.
@@ -94,7 +94,7 @@ pub struct MakeDone {
     pub trained_on: usize,
     /// The file of the subject alone, if the capture has one.
     pub subject: Option<PathBuf>,
-    /// Whether it was stopped; the same job continues from there.
+    /// True after a stop; the same job continues from there.
     pub stopped: bool,
 }
 
@@ -116,7 +116,7 @@ struct StoredTraining {
     effort: f64,
     /// PSNR of its file, dB.
     psnr: Option<f64>,
-    /// That of a run before with less effort.
+    /// PSNR of an earlier run with less effort, dB.
     earlier: Option<f64>,
 }
 
@@ -160,7 +160,7 @@ impl MakeJob {
     ///
     /// # Errors
     ///
-    /// Those of [`Capture::run`], [`TrainJob::run`] and [`BakeJob::save`].
+    /// Errors of [`Capture::run`], [`TrainJob::run`] and [`BakeJob::save`].
     pub fn run(mut self, observer: Observer<'_>) -> Result<MakeDone> {
         let clock = Instant::now();
         // Removed if it stays empty.
@@ -188,19 +188,15 @@ impl MakeJob {
                 (folder, Some(job.run(&mut report, &mut stages(observer))?))
             }
         };
-        let score = None;
-        let judged = Vec::new();
-        let earlier = None;
-        let subject = None;
         let mut done = MakeDone {
             report,
             dataset,
             verdict: None,
-            score,
-            judged,
-            earlier,
+            score: None,
+            judged: Vec::new(),
+            earlier: None,
             trained_on: 0,
-            subject,
+            subject: None,
             stopped: false,
         };
         if let Some(verdict) = verdict {
@@ -230,8 +226,8 @@ impl MakeJob {
                 }
                 error => error,
             })?;
-            (done.trained_on, done.score) =
-                (photos.train().count(), self.score(&photos, &mut done.judged)?);
+            done.trained_on = photos.train().count();
+            done.score = self.score(&photos, &mut done.judged)?;
             done.earlier = self.remember(done.score.as_ref())?;
         }
         done.report.seconds = clock.elapsed().as_secs_f64();
@@ -269,9 +265,9 @@ impl MakeJob {
         let (photos, key) = self.training_key(path)?;
         let effort = self.budget.map_or(self.train.steps as f64, |budget| budget.0);
         let last = stored(&notes);
-        let own = StoredTraining { key, photos, effort, ..StoredTraining::default() }
+        let current = StoredTraining { key, photos, effort, ..StoredTraining::default() }
             .after(last.as_ref());
-        let before = last.filter(|before| before.key == own.key);
+        let before = last.filter(|before| before.key == current.key);
         if let Some(before) =
             before.as_ref().filter(|before| !before.stages.is_empty() && scene.is_file())
         {
@@ -292,7 +288,7 @@ impl MakeJob {
             // for its own.
             std::fs::remove_file(&point).map_err(|e| Error::io(&point, e))?;
         }
-        save(&notes, &own)?;
+        save(&notes, &current)?;
         let how = reading(&self.dataset_options, resume.as_ref());
         let photos = Dataset::load(path, &how)?;
         if photos.views.len() < MIN_PHOTOS {
@@ -329,16 +325,16 @@ impl MakeJob {
         if observer(Event::Part(MakePart::Train)).is_break() {
             return Ok(false);
         }
-        let mut unwritten = None;
-        let mut keeping = |event: Event<'_>| {
+        let mut teacher_error = None;
+        let mut save_teacher = |event: Event<'_>| {
             if let Event::Teacher(trained) = &event {
-                unwritten = trained.save(&teacher).err();
+                teacher_error = trained.save(&teacher).err();
             }
-            let told = observer(event);
-            if unwritten.is_some() { ControlFlow::Break(()) } else { told }
+            let flow = observer(event);
+            if teacher_error.is_some() { ControlFlow::Break(()) } else { flow }
         };
-        let trained = job.run(&mut keeping);
-        if let Some(error) = unwritten {
+        let trained = job.run(&mut save_teacher);
+        if let Some(error) = teacher_error {
             return Err(error);
         }
         let trained = match trained {
@@ -351,8 +347,9 @@ impl MakeJob {
         trained.trained.save(&scene)?;
         let stages = trained.report.stages;
         let warnings = trained.report.warnings;
-        let kept = StoredTraining { stages: stages.clone(), warnings: warnings.clone(), ..own };
-        save(&notes, &kept)?;
+        let finished =
+            StoredTraining { stages: stages.clone(), warnings: warnings.clone(), ..current };
+        save(&notes, &finished)?;
         ours.remove(CHECKPOINT)?;
         for stage in stages {
             add(stage, report, observer);
@@ -361,8 +358,8 @@ impl MakeJob {
         Ok(true)
     }
 
-    /// Scores the file on the held-out photos as `trisplat eval` does, and what of them can be
-    /// `judged`.
+    /// Score the file on the held-out photos as `trisplat eval` does. `judged` gets the PSNR of pixels
+    /// that two training photos show.
     fn score(
         &self,
         photos: &Dataset,
@@ -383,7 +380,7 @@ impl MakeJob {
         job.extrapolation = false;
         let ready = job.prepare(photos)?;
         let bytes = self.dataset_options.photo_bytes();
-        let twice = |surface| ShownTwice::new(surface, photos, ready.views(), bytes);
+        let twice = |surface| SharedPixels::new(surface, photos, ready.views(), bytes);
         let mut twice = ready.surface().and_then(twice);
         let mut report = ready.run(|i, drawn| {
             if let (Some(twice), Some(drawn)) = (&mut twice, drawn.last()) {
@@ -461,7 +458,7 @@ impl MakeJob {
     }
 
     /// Bakes, and writes the file, the page, and the file of the subject, whose path it returns.
-    /// They are noted as begun.
+    /// The notes list them until all are written.
     fn bake(
         &mut self,
         photos: &Dataset,
@@ -469,13 +466,13 @@ impl MakeJob {
         observer: Observer<'_>,
     ) -> Result<Option<PathBuf>> {
         let planned = self.bake.plan_output(&self.output, None)?;
-        let begun = self.unfinished();
+        let unfinished = self.unfinished();
         let mut new: Vec<PathBuf> = planned.paths().map(Path::to_owned).collect();
         new.extend(self.page.iter().chain(&self.report).cloned());
         if let Some(file) = self.subject_file() {
             new.extend(self.subject_bake().plan_output(&file, None)?.paths().map(Path::to_owned));
         }
-        new.retain(|path| !path.exists() || begun.contains(path));
+        new.retain(|path| !path.exists() || unfinished.contains(path));
         self.note(new)?;
         let mut job = BakeJob::new([BakeInput::File(self.work.join(SCENE))], self.bake.clone());
         job.photos = Some(photos.clone());
@@ -523,7 +520,7 @@ fn write_subject(
     let share = done.crop.subject_share;
     let is_all =
         !whole.has_backdrop() && 4 * done.asset.mesh.face_count() > 3 * whole.mesh.face_count();
-    if is_all || share.is_none_or(|share| share > LARGEST_SUBJECT) {
+    if is_all || share.is_none_or(|share| share > MAX_SUBJECT_SHARE) {
         return Ok(false);
     }
     output::write(
@@ -543,7 +540,7 @@ fn write_subject(
     Ok(true)
 }
 
-/// Adds what was not said before.
+/// Add warnings that `report` does not have yet.
 fn warn(report: &mut Report, warnings: Vec<String>) {
     for warning in warnings {
         if !report.warnings.contains(&warning) {

@@ -1,7 +1,7 @@
 //! A surface job: from a scene, from Gaussian splats or from photos alone to one connected surface.
 
 use super::event::{Observer, add, stages};
-use super::gaussians::{self, Effort};
+use super::gaussians::{self, TrainingEffort};
 use super::training::TrainJob;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -16,8 +16,7 @@ use trisplat_train::TrainOptions;
 /// than any scene (docs/benchmarks/figures.md).
 const TRAINING: Seconds = Seconds(30.0);
 
-/// What a surface is made of. [`MeshJob::new`] has the plain values; any field can be set before
-/// the run.
+/// A surface job. [`MeshJob::new`] has the plain values; any field can be set before the run.
 #[derive(Debug, Clone)]
 pub struct MeshJob {
     /// The scene; without it, one is trained on the photos first. Gaussians become triangles first.
@@ -25,7 +24,7 @@ pub struct MeshJob {
     /// Photos, whose cameras decide what the surface is, and which textures show. Pictures of
     /// Gaussians replace them.
     pub photos: Option<Dataset>,
-    /// Options that they were read with. Their limits bound the memory of the distance field.
+    /// Reading options of the photos. Their limits bound the memory of the distance field.
     pub dataset_options: DatasetOptions,
     /// Options of the stages.
     pub options: MeshOptions,
@@ -49,11 +48,11 @@ impl MeshJob {
     ///
     /// # Errors
     ///
-    /// Those of [`MeshJob::run`], of the format and of the operating system.
+    /// Errors of [`MeshJob::run`], of the format and of the operating system.
     pub fn save(self, path: impl AsRef<Path>) -> Result<Asset> {
         let output = self.options.output.clone();
         let surface = self.run(&mut Report::new("mesh"), &mut |_| ControlFlow::Continue(()))?;
-        let surface = surface.expect("it is not stopped");
+        let surface = surface.expect("no observer stops it");
         formats::write(&surface, path.as_ref(), &output)?;
         Ok(surface)
     }
@@ -69,15 +68,15 @@ impl MeshJob {
         self.options.validate()?;
         let are_splats = matches!(self.scene, Some(Content::Splats(_)));
         self.options.check_photos(self.photos.is_some() || are_splats)?;
-        let how = &self.dataset_options;
-        let mut views = self.photos.as_ref().map(|photos| Views::new(photos, how));
+        let reading = &self.dataset_options;
+        let mut views = self.photos.as_ref().map(|photos| Views::new(photos, reading));
         let scene = match (self.scene, &self.photos) {
             (Some(Content::Scene(scene)), _) => scene,
             (Some(Content::Splats(splats)), photos) => {
                 let splats = (Path::new("scene"), splats);
-                let effort = (Effort::FAST, None);
+                let effort = (TrainingEffort::FAST, None);
                 let solid =
-                    gaussians::solid(splats, photos.as_ref(), how, effort, report, observer)?;
+                    gaussians::solid(splats, photos.as_ref(), reading, effort, report, observer)?;
                 add(solid.stage, report, observer);
                 views = views.or(solid.pictures);
                 solid.scene
@@ -91,7 +90,7 @@ impl MeshJob {
                     done => done?,
                 };
                 report.stages.extend(done.report.stages);
-                // Those of the photos are known.
+                // Warnings about the photos are in the report already.
                 let is_new = |warning: &String| !photos.warnings.contains(warning);
                 report.warnings.extend(done.report.warnings.into_iter().filter(is_new));
                 if done.trained.stopped {
@@ -100,7 +99,7 @@ impl MeshJob {
                 done.trained.into()
             }
             (None, None) => {
-                return Err(Error::invalid("scene", "not given", "a scene, or photos of one"));
+                return Err(Error::invalid("scene", "missing", "a scene, or photos of one"));
             }
         };
         let limits = &self.dataset_options.limits;

@@ -1,4 +1,4 @@
-//! Whether photos can show a scene at all, before any time is spent on them.
+//! Refuses photos that cannot show a scene, before any time is spent on them.
 
 use glam::{UVec2, Vec2, Vec3};
 use std::path::Path;
@@ -71,7 +71,7 @@ fn distance_of_points(dataset: &Dataset) -> f32 {
     median(distances, f32::total_cmp).unwrap_or(eye.length() / 100.0)
 }
 
-/// Whether one camera frames something before another, at some distance.
+/// True if another camera has a point before `one` in its picture, at some distance.
 fn overlap(one: &Camera, other: &Camera, unit: f32) -> bool {
     let grid = (0..GRID * GRID).map(|i| UVec2::new(i % GRID, i / GRID).as_vec2() + 0.5);
     let pixels = grid.map(|cell| cell / GRID as f32 * one.size.as_vec2());

@@ -31,7 +31,7 @@ pub enum RenderMode {
     Solid,
 }
 
-/// How scenes are drawn.
+/// Options for drawing scenes.
 #[derive(Debug, Clone, Copy)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct RenderOptions {
@@ -216,7 +216,7 @@ impl SceneRenderer {
         }
     }
 
-    /// What the camera sees.
+    /// Draws the view of a camera.
     pub fn color(&mut self, camera: &Camera) -> RgbImage {
         match &mut self.backend {
             RenderBackend::Soft(scene) => scene.color(camera),
@@ -249,17 +249,17 @@ impl SceneRenderer {
         }
     }
 
-    /// Its distance; see [`show::depth`]. Fails for Gaussians, which have no surface.
+    /// Draws distances; see [`show::depth`]. Fails for Gaussians, which have no surface.
     pub fn depth(&mut self, camera: &Camera) -> Result<RgbImage> {
         self.geometry(camera).map(show::depth)
     }
 
-    /// Its normal; see [`show::normal`]. Fails for Gaussians, which have no surface.
+    /// Draws normals; see [`show::normal`]. Fails for Gaussians, which have no surface.
     pub fn normal(&mut self, camera: &Camera) -> Result<RgbImage> {
         self.geometry(camera).map(show::normal)
     }
 
-    /// The edges of what is seen; see [`show::wires`]. Fails for soups and Gaussians.
+    /// Draws visible edges; see [`show::wires`]. Fails for soups and Gaussians.
     pub fn wires(&mut self, camera: &Camera) -> Result<RgbImage> {
         let RenderBackend::Solid(scene) = &mut self.backend else {
             return Err(Error::invalid(
@@ -341,15 +341,15 @@ impl SolidBackend {
     /// Depth and normals at the centres of pixels; no colours.
     fn geometry(&mut self, camera: &Camera) -> &Frame {
         let options = SolidRasterOptions { samples: 1, ..self.options };
-        let seen = self.solid.visibility(&self.mesh, camera, &options);
+        let drawn = self.solid.visibility(&self.mesh, camera, &options);
         let normal = |face: u32| {
             let [a, b, c] = self.mesh.corners(face as usize);
             let across = camera.rotation * (b - a).cross(c - a).normalize_or_zero();
             let towards = camera.rotation * a + camera.translation;
             (across * -across.dot(towards).signum()).to_array()
         };
-        self.frame = Frame { size: seen.size, ..Frame::default() };
-        for (face, depth) in seen.face.iter().zip(&seen.depth) {
+        self.frame = Frame { size: drawn.size, ..Frame::default() };
+        for (face, depth) in drawn.face.iter().zip(&drawn.depth) {
             let nothing = *face == NO_FACE;
             self.frame.transmittance.push(if nothing { 1.0 } else { 0.0 });
             self.frame.depth.push(if nothing { 0.0 } else { *depth });

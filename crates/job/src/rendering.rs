@@ -43,14 +43,14 @@ pub struct RenderJob {
     /// them.
     #[cfg_attr(feature = "cli", arg(value_name = "FILE"))]
     pub file: PathBuf,
-    /// How it is drawn.
+    /// Kind of drawing.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub render: RenderOptions,
     /// List of cameras to draw from, as trainers of Gaussians write it: a cameras.json. For
     /// Gaussians, one beside the file is found.
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE", conflicts_with = "dataset"))]
     pub cameras: Option<PathBuf>,
-    /// Which photos' cameras.
+    /// Photos whose cameras are used.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t, conflicts_with = "orbit"))]
     pub split: Split,
     /// Draw N pictures on a circle around the subject of the scene instead. It begins at the photo
@@ -61,13 +61,13 @@ pub struct RenderJob {
     /// it.
     #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = WIDTH, value_parser = clap::value_parser!(u32).range(1..=16384)))]
     pub width: u32,
-    /// What the pictures show.
+    /// Quantity that the pictures show.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub show: PictureKind,
-    /// Where soft pictures are drawn.
+    /// Device for soft pictures.
     #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Backend"))]
     pub backend: BackendOptions,
-    /// How the data set is read.
+    /// Reading options of the data set.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub dataset_options: DatasetOptions,
 }
@@ -114,7 +114,7 @@ impl RenderJob {
         loaded: ImportedScene,
         dataset: Option<&Dataset>,
     ) -> Result<ReadyRender> {
-        let mut loaded = solid_if_asked(&self, loaded)?;
+        let mut loaded = baked_for_solid(&self, loaded)?;
         let listed = self.listed_cameras(&loaded.provenance.placement)?;
         if !listed.is_empty() {
             loaded.cameras = listed.iter().map(|(_, camera)| *camera).collect();
@@ -134,7 +134,9 @@ impl RenderJob {
 
     fn ready(self, cameras: Vec<(String, Camera)>, renderer: SceneRenderer) -> Result<ReadyRender> {
         let limits = &self.dataset_options.limits;
-        cameras.iter().try_for_each(|(_, camera)| renderer.validate(camera.size, limits))?;
+        for (_, camera) in &cameras {
+            renderer.validate(camera.size, limits)?;
+        }
         Ok(ReadyRender { job: self, cameras, renderer })
     }
 
@@ -244,7 +246,7 @@ pub enum PictureKind {
 }
 
 /// Reads the scene; bakes a soup for a solid renderer.
-fn solid_if_asked(job: &RenderJob, loaded: ImportedScene) -> Result<ImportedScene> {
+fn baked_for_solid(job: &RenderJob, loaded: ImportedScene) -> Result<ImportedScene> {
     match (&loaded.scene, job.render.mode) {
         (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(representations::no_soup(&job.file)),
         (Scene::Soup(_), Some(RenderMode::Solid)) => {
@@ -283,14 +285,14 @@ fn orbit_cameras(
     // A file that names its up axis knows it better than the photos do.
     let axis = up.unwrap_or_default().vector().as_vec3();
     let up = if *up == Some(UpAxis::Y) { axis } else { mean_up(&cameras, axis) };
-    let surroundings = SceneEnclosure::of(&loaded.scene, &loaded.provenance);
-    let said = viewpoint.filter(|_| dataset.is_none());
-    let viewpoint = said.or_else(|| surroundings.viewpoint(&cameras, up));
+    let enclosure = SceneEnclosure::of(&loaded.scene, &loaded.provenance);
+    let stored = viewpoint.filter(|_| dataset.is_none());
+    let viewpoint = stored.or_else(|| enclosure.viewpoint(&cameras, up));
     let viewpoint = viewpoint.ok_or_else(|| {
         Error::invalid("orbit", job.file.display(), "a scene with triangles that have an extent")
     })?;
     let target = DVec3::from(viewpoint.target).as_vec3();
-    let room = |way: Vec3| surroundings.distance_along(target, way);
+    let room = |direction: Vec3| enclosure.distance_along(target, direction);
     let cameras =
         orbit(&viewpoint, up, &room, size, count).into_iter().map(|camera| match dataset {
             Some(_) => frames::to_world(&camera, placement, origin),

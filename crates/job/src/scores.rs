@@ -15,7 +15,7 @@ use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{Result, parallel};
 use trisplat_train::Quality;
 
-/// What `trisplat eval --report` writes.
+/// Report of `trisplat eval --report`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(title = "trisplat eval report")]
 pub struct EvalReport {
@@ -62,7 +62,7 @@ pub struct RepresentationScore {
     /// Depth at the points that photos track; absent without tracks or a solid surface.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth: Option<DepthScores>,
-    /// What one sees beside the cameras; absent without a solid surface.
+    /// Coverage of views beside the cameras; absent without a solid surface.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beside: Option<CoverageScores>,
     /// Mean PSNR of drawings that are brought to the estimated exposure and white balance of each
@@ -101,7 +101,7 @@ pub struct ImageScore {
     pub name: String,
     /// Width and height, px.
     pub size: [u32; 2],
-    /// How close the drawing comes.
+    /// Scores of the drawing.
     #[serde(flatten)]
     pub score: Scores,
 }
@@ -113,7 +113,7 @@ pub struct ScoredPicture {
     pub step: &'static str,
     /// The drawing.
     pub picture: RgbImage,
-    /// How close it comes.
+    /// Scores of the drawing.
     pub score: ImageScore,
     /// PSNR at the photo's own exposure, dB, if that is known.
     pub(super) psnr_own_exposure: Option<f64>,
@@ -186,9 +186,9 @@ fn straight(black: &RgbImage, white: &RgbImage) -> RgbImage {
     RgbImage { alpha: Some(alpha), ..black.clone() }.unpremultiplied()
 }
 
-/// Judges drawings of held-out photos only where at least two training photos look: what fewer show
-/// cannot be known.
-pub(super) struct ShownTwice<'a> {
+/// Scores drawings of held-out photos only in pixels that at least two training photos show, because
+/// fewer leave depth unknown.
+pub(super) struct SharedPixels<'a> {
     mesh: Mesh,
     options: SolidRasterOptions,
     cameras: Vec<Camera>,
@@ -197,7 +197,7 @@ pub(super) struct ShownTwice<'a> {
     solid: SolidRasterizer,
 }
 
-impl<'a> ShownTwice<'a> {
+impl<'a> SharedPixels<'a> {
     /// Of a `surface` in the data set's frame with its near plane, for the `views` of the data set;
     /// `photo_bytes` is the memory for photos. `None` of photos of objects before nothing.
     pub(super) fn new(
@@ -224,14 +224,14 @@ impl<'a> ShownTwice<'a> {
     pub(super) fn psnr(&mut self, i: usize, picture: &RgbImage) -> Result<Option<(String, f64)>> {
         let View { name, camera, .. } = self.views[i];
         let photo = self.photos.take(i)?;
-        let seen = self.solid.visibility(&self.mesh, camera, &self.options);
+        let drawn = self.solid.visibility(&self.mesh, camera, &self.options);
         let back = camera.rotation.transpose();
         let weight = |pixel: usize| {
             let at = Vec2::new(
                 (pixel as u32 % camera.size.x) as f32,
                 (pixel as u32 / camera.size.x) as f32,
             );
-            let depth = seen.depth[pixel];
+            let depth = drawn.depth[pixel];
             let ray = ((at + 0.5 - camera.center) / camera.focal).extend(1.0);
             let place = camera.position() + back * ray * depth;
             let shown =
@@ -239,7 +239,7 @@ impl<'a> ShownTwice<'a> {
             let of_photo = photo.alpha.as_ref().map_or(u8::MAX, |alpha| alpha[pixel]);
             if depth.is_finite() && shown() { of_photo } else { 0 }
         };
-        let weights = parallel::collect(seen.depth.len(), parallel::GRAIN, weight);
+        let weights = parallel::collect(drawn.depth.len(), parallel::GRAIN, weight);
         let is_any = weights.iter().any(|weight| *weight > 0);
         let psnr = || metric::psnr(&photo.rgb, &picture.rgb, Some(&weights));
         Ok(is_any.then(|| (name.clone(), psnr())))
@@ -290,7 +290,7 @@ mod tests {
         let wall = [[corner(-1.0, -1.0), corner(3.0, -1.0), corner(-1.0, 3.0)]];
         // The left half of what the camera sees.
         let left = Camera { size: UVec2::new(camera.size.x / 2, camera.size.y), ..camera };
-        let mut twice = ShownTwice {
+        let mut twice = SharedPixels {
             mesh: Mesh::from_triangles(&wall, &[[0.5; 3]]).unwrap(),
             cameras: vec![left, left, camera],
             options: SolidRasterOptions::default(),

@@ -49,24 +49,24 @@ impl FromStr for TeacherSource {
     }
 }
 
-/// What becomes of the teacher of a run.
+/// Plan for the teacher of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum TeacherPlan {
     /// No teacher, with the reason.
     Without(String),
     /// Read from a file.
     Read(PathBuf),
-    /// It is trained first.
+    /// Trained first.
     Train,
 }
 
-/// Limits of a run on `photos` with a teacher.
-pub(super) fn enough(photos: usize) -> StepLimit {
+/// Step limit of a run on `photos` with a teacher.
+pub(super) fn run_limit(photos: usize) -> StepLimit {
     StepLimit { steps: Some(STEPS_PER_PHOTO * photos as u64), ..StepLimit::default() }
 }
 
-/// Limits of a teacher.
-pub(super) fn enough_for_teacher(photos: usize) -> StepLimit {
+/// Step limit of a teacher.
+pub(super) fn teacher_limit(photos: usize) -> StepLimit {
     let steps = TEACHER_STEPS_PER_PHOTO * photos as u64;
     // A teacher shows large surfaces, so it gains more from a large number of steps on small photos
     // than from few on large ones.
@@ -78,7 +78,7 @@ pub(super) fn teacher_budget(run: Budget, spent: f64) -> Budget {
     Budget { seconds: Seconds(spent + (run.seconds.0 - spent) * BUDGET_SHARE), ..run }
 }
 
-/// What the budget of a teacher is a part of: that of the run, or what this is a part of.
+/// The whole of which the budget of a teacher is a part: the budget of the run, or its own whole.
 pub(super) fn whole(run: Budget, whole: Option<WholeBudget>, spent: f64) -> WholeBudget {
     let whole = whole.unwrap_or(WholeBudget { seconds: run.seconds, scale: 1.0, offset: 0.0 });
     let scale = whole.scale / BUDGET_SHARE;
@@ -107,23 +107,23 @@ pub(super) fn teacher_options(
 }
 
 impl TeacherPlan {
-    /// The plan of a run with a requested teacher. A resumed run reads its own teacher at `kept`.
-    pub fn asked(source: &TeacherSource, resumes: bool, kept: Option<&Path>) -> Self {
-        match (source, kept.filter(|_| resumes)) {
+    /// The plan of a run with a requested teacher. A resumed run reads its own teacher at `stored`.
+    pub fn requested(source: &TeacherSource, resumes: bool, stored: Option<&Path>) -> Self {
+        match (source, stored.filter(|_| resumes)) {
             (TeacherSource::Off, _) => Self::Without("`teacher` off".into()),
             (TeacherSource::File(path), _) => Self::Read(path.clone()),
-            (TeacherSource::Auto, Some(kept)) => Self::Read(kept.to_owned()),
+            (TeacherSource::Auto, Some(stored)) => Self::Read(stored.to_owned()),
             (TeacherSource::Auto, None) => Self::Train,
         }
     }
 
     /// The plan of a resumed run on `photos` without a request. It has a teacher exactly when it
-    /// began with one, kept at `kept` if that is known.
-    pub fn resumed(checkpoint: &Checkpoint, photos: usize, kept: Option<&Path>) -> Self {
+    /// began with one, stored at `stored` if that is known.
+    pub fn resumed(checkpoint: &Checkpoint, photos: usize, stored: Option<&Path>) -> Self {
         // A run counts pictures of its teacher as photos.
-        let was_taught = checkpoint.meta.identity.photos.len() > photos;
-        match kept {
-            _ if !was_taught => Self::Without("the resumed run has none".into()),
+        let had_teacher = checkpoint.meta.identity.photos.len() > photos;
+        match stored {
+            _ if !had_teacher => Self::Without("the resumed run has none".into()),
             None => Self::Train,
             Some(path) if path.exists() => Self::Read(path.to_owned()),
             Some(path) => Self::Without(format!(
@@ -170,7 +170,7 @@ pub(super) fn with_pictures(
 /// A file that cannot be read, a scene that is solid.
 pub(super) fn soft_scene(path: &Path, how: &DatasetOptions) -> Result<ImportedScene> {
     let scene = formats::read(path, &how.read_options(3))?;
-    match harden::needless(&scene) {
+    match harden::reason_to_skip(&scene) {
         Some(_) => {
             let wants = "a soft scene, as `trisplat train --preset outdoor` makes it";
             Err(Error::invalid("teacher", path.display(), wants))
@@ -186,8 +186,8 @@ mod tests {
 
     #[test]
     fn runs_with_a_teacher_and_teachers_have_an_end() {
-        assert_eq!([5, 14].map(|photos| enough(photos).steps), [900, 2520].map(Some));
-        let of_teacher = enough_for_teacher(20);
+        assert_eq!([5, 14].map(|photos| run_limit(photos).steps), [900, 2520].map(Some));
+        let of_teacher = teacher_limit(20);
         // A teacher without time for its steps on full photos gets smaller photos.
         assert_eq!((of_teacher.steps, of_teacher.steps_of_full_photos), (Some(1700), 1700));
     }

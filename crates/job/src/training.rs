@@ -18,7 +18,7 @@ use trisplat_train::{
     reconstruct_points,
 };
 
-/// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set
+/// A training job. [`TrainJob::new`] has the plain values; any field can be set
 /// before the run.
 ///
 /// ```
@@ -47,7 +47,7 @@ pub struct TrainJob {
     /// The photos; held-out ones evaluate the scene. A scene that teaches itself:
     /// [`teacher::dataset`](trisplat_teacher::dataset()).
     pub dataset: Dataset,
-    /// Options that they were read with.
+    /// Reading options of the photos.
     pub dataset_options: DatasetOptions,
     /// Training options and the layer of each; a resumed run has the options of its checkpoint.
     pub options: Layered<TrainOptions>,
@@ -62,7 +62,7 @@ pub struct TrainJob {
     pub teacher_file: Option<PathBuf>,
     /// Time budget. It chooses steps, triangles and the size of photos.
     pub budget: Option<Budget>,
-    /// What it is a part of.
+    /// Whole of which it is a part.
     pub(super) whole: Option<WholeBudget>,
     /// Start of the budget's clock; `None`: the moment the job runs.
     pub began: Option<Instant>,
@@ -83,7 +83,7 @@ pub struct TrainDone {
     pub trained: Trained,
     /// Options, stages and warnings. It names no files.
     pub report: Report,
-    /// What became of its teacher.
+    /// Outcome of the teacher decision.
     pub teacher: TeacherPlan,
     /// Share of the steps on the teacher's pictures; `None` without a teacher.
     pub teacher_share: Option<f64>,
@@ -112,8 +112,7 @@ impl TrainJob {
         }
     }
 
-    /// Gives the run this share of a CPU time from now on; without one, the steps of its options,
-    /// which count as given: then equal jobs make equal bytes.
+    /// Sets the CPU budget to `share` of `cpu_time`, or fixes the step count for reproducible output.
     pub(super) fn limit(&mut self, cpu_time: Option<Seconds>, share: f64) {
         match cpu_time {
             Some(time) => {
@@ -133,7 +132,7 @@ impl TrainJob {
     ///
     /// # Errors
     ///
-    /// Those of the preparation and of [`TrainInputs::start_on`]; photos that cannot be decoded;
+    /// Errors of the preparation and of [`TrainInputs::start_on`]; photos that cannot be decoded;
     /// options that the budget chooses; an unreadable or solid teacher; a budget that is too small;
     /// a checkpoint of another run. [`Error::Stopped`] if it was stopped before its own first step:
     /// nothing is written, and the run begins again.
@@ -147,7 +146,7 @@ impl TrainJob {
         }
         let plan = self.teacher_plan();
         let mut stages: Vec<StageReport> = self.decide_exposure(observer)?.into_iter().collect();
-        let mut enough = StepLimit::default();
+        let mut step_limit = StepLimit::default();
         let mut warnings: Vec<String> =
             self.from.iter().flat_map(|scene| scene.warnings.clone()).collect();
         let teacher = match &plan {
@@ -158,17 +157,17 @@ impl TrainJob {
             TeacherPlan::Read(path) => Some(teacher::soft_scene(path, &self.dataset_options)?),
             TeacherPlan::Train => {
                 if !self.options.is_given("steps") {
-                    enough = teacher::enough(self.dataset.train().count());
+                    step_limit = teacher::run_limit(self.dataset.train().count());
                 }
                 let (teacher, stage) = self.train_teacher(began, observer)?;
                 stages.push(stage);
                 Some(teacher)
             }
         };
-        let budget_control = self.keep_to_budget(enough, began)?;
+        let budget_control = self.keep_to_budget(step_limit, began)?;
         warnings.extend(self.dataset.warnings.iter().cloned());
         let share = teacher.is_some().then(|| self.picture_share());
-        let taught = match (&teacher, share) {
+        let dataset_with_pictures = match (&teacher, share) {
             (Some(teacher), Some(share)) => {
                 warnings.extend(teacher.warnings.iter().cloned());
                 let options = &self.options.options;
@@ -178,7 +177,7 @@ impl TrainJob {
             _ => None,
         };
         let summary = budget_control.as_ref().map(|control| self.summary(&control.pace));
-        let dataset = taught.as_ref().unwrap_or(&self.dataset);
+        let dataset = dataset_with_pictures.as_ref().unwrap_or(&self.dataset);
         let run = TrainInputs {
             outputs: self.outputs,
             from: self.from,
@@ -214,11 +213,11 @@ impl TrainJob {
 
     /// The share of the steps on pictures of a teacher; a resumed run keeps its number of pictures.
     fn picture_share(&self) -> f64 {
-        let begun = self.resume.as_ref().map(|checkpoint| {
+        let resumed_share = self.resume.as_ref().map(|checkpoint| {
             let all = checkpoint.meta.identity.photos.len().max(1);
             1.0 - self.dataset.train().count() as f64 / all as f64
         });
-        self.teacher_share.or(begun).unwrap_or(teacher::PICTURE_SHARE)
+        self.teacher_share.or(resumed_share).unwrap_or(teacher::PICTURE_SHARE)
     }
 
     /// Description of the budget's plan for people.
@@ -235,8 +234,8 @@ impl TrainJob {
     /// Photos that cannot be decoded; a stopped training.
     fn decide_exposure(&mut self, observer: Observer<'_>) -> Result<Option<StageReport>> {
         let options = &self.options.options;
-        let is_asked = options.exposure == ExposureUse::Auto && self.resume.is_none();
-        if !is_asked || self.dataset.kind == DatasetKind::Drawn {
+        let is_undecided = options.exposure == ExposureUse::Auto && self.resume.is_none();
+        if !is_undecided || self.dataset.kind == DatasetKind::Drawn {
             return Ok(None);
         }
         if let Some(scene) = &self.from {
@@ -259,7 +258,7 @@ impl TrainJob {
                 StageReport::skipped(name, why.into())
             }
             ExposureDecision::Judged(evidence) => {
-                // The teacher or the run, which come next, ask whether to go on.
+                // A `Break` is obeyed by the teacher or the run, which come next.
                 let _ = observer(Event::Exposure(&evidence));
                 self.options.options.exposure = evidence.strengths.to_use();
                 StageReport {
@@ -274,13 +273,13 @@ impl TrainJob {
         }))
     }
 
-    /// What becomes of the teacher.
+    /// Plan for the teacher.
     pub fn teacher_plan(&self) -> TeacherPlan {
         let photos = self.dataset.train().count();
-        let kept = self.teacher_file.as_deref();
+        let stored = self.teacher_file.as_deref();
         match (&self.teacher, &self.resume) {
-            (Some(source), resume) => TeacherPlan::asked(source, resume.is_some(), kept),
-            (None, Some(checkpoint)) => TeacherPlan::resumed(checkpoint, photos, kept),
+            (Some(source), resume) => TeacherPlan::requested(source, resume.is_some(), stored),
+            (None, Some(checkpoint)) => TeacherPlan::resumed(checkpoint, photos, stored),
             (None, None) => TeacherPlan::Without("not asked for (`teacher` auto)".into()),
         }
     }
@@ -290,16 +289,16 @@ impl TrainJob {
     ///
     /// # Errors
     ///
-    /// Those of a training; a stopped training; a budget that is too small.
+    /// Errors of a training; a stopped training; a budget that is too small.
     fn train_teacher(
         &self,
         began: Instant,
         observer: Observer<'_>,
     ) -> Result<(ImportedScene, StageReport)> {
         let clock = Instant::now();
-        let mut enough = teacher::enough_for_teacher(self.dataset.train().count());
+        let mut step_limit = teacher::teacher_limit(self.dataset.train().count());
         // Steps given for the run also hold for its teacher.
-        enough.steps = enough.steps.filter(|_| !self.options.is_given("steps"));
+        step_limit.steps = step_limit.steps.filter(|_| !self.options.is_given("steps"));
         let spent = self.spending(began).seconds();
         let mut job = Self {
             dataset_options: self.dataset_options.clone(),
@@ -308,7 +307,7 @@ impl TrainJob {
             whole: self.budget.map(|budget| teacher::whole(budget, self.whole, spent)),
             ..Self::new(self.dataset.clone(), TrainOptions::default())
         };
-        let budget_control = job.keep_to_budget(enough, began)?;
+        let budget_control = job.keep_to_budget(step_limit, began)?;
         let run = TrainInputs::new(&job.dataset, &job.options.options)
             .with_dataset_options(&job.dataset_options);
         // The run reports the card, so the teacher does not.
@@ -323,7 +322,7 @@ impl TrainJob {
         if trained.stopped {
             return Err(stopped("the training of a soft teacher scene", &trained));
         }
-        // The run, which comes next, asks whether to go on.
+        // A `Break` is obeyed by the run, which comes next.
         let _ = observer(Event::Teacher(&trained));
         let mut stage = trained.stage(triangles, clock.elapsed().as_secs_f64());
         TeacherDetails::STAGE.clone_into(&mut stage.name);
@@ -335,20 +334,20 @@ impl TrainJob {
         Spending::of_process(self.budget.map(|budget| budget.clock).unwrap_or_default(), began)
     }
 
-    /// Measures the machine and chooses steps, triangles and the size of photos, within `enough`.
+    /// Measures the machine and chooses steps, triangles and the size of photos, within `step_limit`.
     ///
     /// # Errors
     ///
-    /// Those of the first steps; photos that cannot be decoded; a budget that is too small.
+    /// Errors of the first steps; photos that cannot be decoded; a budget that is too small.
     fn keep_to_budget(
         &mut self,
-        enough: StepLimit,
+        step_limit: StepLimit,
         began: Instant,
     ) -> Result<Option<BudgetControl>> {
         let keeps_max_triangles = self.options.is_given("max_triangles");
         let Some(budget) = self.budget else {
             self.options.options =
-                with_fewer_steps(&self.options.options, enough.steps, keeps_max_triangles);
+                with_fewer_steps(&self.options.options, step_limit.steps, keeps_max_triangles);
             return Ok(None);
         };
         let options = &self.options.options;
@@ -365,7 +364,7 @@ impl TrainJob {
             keeps_max_triangles,
             keeps_photo_size: how.max_size.is_some() || self.dataset.kind == DatasetKind::Drawn,
             from: self.from.as_ref().map(|scene| scene.scene.triangle_count() as u64),
-            step_limit: enough,
+            step_limit: step_limit,
             whole: self.whole,
             ..PlanInput::new(&self.dataset, options, budget, spending.seconds(), speed)
         })?;
@@ -403,13 +402,15 @@ fn check(budget: Option<Budget>, options: &Layered<TrainOptions>) -> Result<()> 
     Ok(())
 }
 
-/// `options` with at most `most` steps, and proportionally fewer triangles unless they are given.
+/// `options` with at most `max_steps`, and proportionally fewer triangles unless these are given.
 fn with_fewer_steps(
     options: &TrainOptions,
-    most: Option<u64>,
+    max_steps: Option<u64>,
     keeps_max_triangles: bool,
 ) -> TrainOptions {
-    let Some(steps) = most.filter(|most| *most < options.steps) else { return options.clone() };
+    let Some(steps) = max_steps.filter(|max_steps| *max_steps < options.steps) else {
+        return options.clone();
+    };
     let fewer = options.max_triangles as f64 * steps as f64 / options.steps as f64;
     let max_triangles =
         if keeps_max_triangles { options.max_triangles } else { (fewer as u64).max(1) };
@@ -424,9 +425,8 @@ pub fn reading(how: &DatasetOptions, resume: Option<&Checkpoint>) -> DatasetOpti
 }
 
 /// Trains a soup on the photos of `dataset` that are not held out, as the command `train` does.
-/// `observer` is told of every step; `ControlFlow::Break` stops the training, whose result is then
-/// the scene so far, with `stopped` set. [`TrainJob`] has everything that can be asked for beside
-/// the options.
+/// `observer` gets every step; `ControlFlow::Break` stops the training, whose result is then
+/// the scene so far, with `stopped` set. [`TrainJob`] has all settings beside the options.
 ///
 /// ```no_run
 /// use std::ops::ControlFlow;

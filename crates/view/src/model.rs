@@ -18,7 +18,7 @@ pub struct Model {
     /// Runs of faces that are drawn or culled as a whole, each from one side or from both, and
     /// their boxes.
     pub chunks: Vec<(Chunk, [Vec3; 2])>,
-    /// Whether the faces of a run are drawn from their front only. `[chunks]`
+    /// True for a run whose faces are drawn from their front only. `[chunks]`
     single_sided: Vec<bool>,
     vertices: Buffer,
     indices: Option<Buffer>,
@@ -62,7 +62,7 @@ impl Model {
         Ok(Self { bytes, chunks, single_sided, vertices, indices, texture })
     }
 
-    /// Whether it has a texture.
+    /// True with a texture.
     pub(crate) fn is_textured(&self) -> bool {
         self.texture.is_some()
     }

@@ -12,7 +12,7 @@ use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::{Asset, Error, Result};
 use wgpu::*;
 
-/// How one frame is drawn.
+/// Drawing options of one frame.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameParams {
     /// The camera, at the size of the picture.
@@ -81,7 +81,7 @@ impl Attachments {
     }
 }
 
-/// Where a frame goes.
+/// Target of a frame.
 #[derive(Debug)]
 pub(crate) struct FrameOutput<'a> {
     /// The picture, of the attachments' size and format.
@@ -451,7 +451,7 @@ impl Canvas {
         Ok(Self { picture, view, attachments })
     }
 
-    /// Where a frame goes.
+    /// Target of a frame.
     pub(crate) fn output(&self) -> FrameOutput<'_> {
         FrameOutput { picture: &self.view, attachments: &self.attachments }
     }

@@ -54,7 +54,7 @@ fn without_place(said: &str) -> &str {
 
 struct App {
     options: WindowOptions,
-    /// What is shown first.
+    /// First content.
     files: SceneFiles,
     loader: SceneLoader,
     proxy: EventLoopProxy<SceneMessage>,

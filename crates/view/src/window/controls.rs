@@ -35,7 +35,7 @@ pub(super) struct CameraControls {
     intrinsics: Camera,
     /// Size of the scene: the unit of speed and of the near plane.
     extent: f32,
-    /// Where photos looked; orbits stay there.
+    /// Middle of what the photos show; orbits stay there.
     range: Option<(Viewpoint, OrbitRange)>,
 }
 

@@ -15,7 +15,7 @@ const ORANGE: Color32 = Color32::from_rgb(255, 160, 40);
 /// Opacity of a photo over the picture.
 const PHOTO_OPACITY: f32 = 0.5;
 
-/// What docs/viewer.md explains.
+/// Keys, as docs/viewer.md explains them.
 const KEYS: &str = "drag left, right, middle: orbit, turn, pan
 wheel: zoom
 W A S D, Q E, Shift: fly, down, up, faster

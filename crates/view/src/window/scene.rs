@@ -1,4 +1,4 @@
-//! How a window looks, its content, and what loads it.
+//! Appearance of a window, its content and its loader.
 
 use super::crop::CropEditor;
 use crate::model::Model;
@@ -13,7 +13,7 @@ use trisplat_scene::{Asset, Error, Placement, Region, Result};
 use wgpu::BindGroupLayout;
 use winit::event_loop::EventLoopProxy;
 
-/// How a window looks.
+/// Appearance of a window.
 #[derive(Debug, Clone)]
 pub struct WindowOptions {
     /// Initial width and height, px.
@@ -28,11 +28,11 @@ pub struct WindowOptions {
     pub screenshots: PathBuf,
     /// The remedy when no window can be opened.
     pub remedy: &'static str,
-    /// Which graphics card draws.
+    /// Graphics card.
     pub adapter: AdapterOptions,
 }
 
-/// What a window shows.
+/// Content of a window.
 pub struct WindowScene {
     /// The triangles.
     pub asset: Arc<Asset>,
@@ -124,9 +124,9 @@ pub(super) type SceneFollower = Arc<dyn Fn() -> Result<SceneChange> + Send + Syn
 
 /// A change of a shown scene.
 pub enum SceneChange {
-    /// It has changed.
+    /// Changed content.
     Changed(Box<WindowScene>),
-    /// It will not change any more, with a final note.
+    /// Final content, with a note.
     Final(String),
     /// There is nothing more to show: the window closes.
     Gone,
@@ -136,7 +136,7 @@ pub enum SceneChange {
 
 /// A message from a thread to the window.
 pub(super) enum Message {
-    /// What the loader is doing.
+    /// Present work of the loader.
     Progress(String),
     /// The scene is loaded and in GPU memory.
     ImportedScene(Result<Box<ShownScene>>),

@@ -18,7 +18,7 @@ use winit::keyboard::KeyCode;
 /// Duration of a note.
 const NOTE_TIME: Duration = Duration::from_secs(4);
 
-/// What the user can set.
+/// Settings of the user.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Settings {
     /// The soup as it was trained instead of the solid triangles.
@@ -29,7 +29,7 @@ pub(super) struct Settings {
     pub(super) no_panel: bool,
 }
 
-/// Where a photo is shown.
+/// Place of a photo in the window.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) enum PhotoPlacement {
     #[default]
@@ -65,7 +65,7 @@ pub(super) struct Session {
     pub(super) decoding: Option<usize>,
     /// The soft picture and the camera it was drawn for.
     pub(super) soft: Option<(Camera, TextureHandle, RgbImage)>,
-    /// That picture shows an older state of the scene.
+    /// True if that picture shows an older state of the scene.
     pub(super) soft_is_old: bool,
     /// The renderer of soft pictures works or rests.
     pub(super) drawing_soft: bool,
@@ -73,9 +73,9 @@ pub(super) struct Session {
     pub(super) cropped: Option<Arc<Model>>,
     /// The region of these, or of those being uploaded.
     pub(super) cropped_to: Option<Region>,
-    /// Whether they are being uploaded.
+    /// True during their upload.
     pub(super) cropping: bool,
-    /// Whether to save the region.
+    /// True to save the region.
     pub(super) saving_crop: bool,
     pub(super) meter: Meter,
     pub(super) drawn: DrawStats,
@@ -252,7 +252,7 @@ impl Session {
         };
     }
 
-    /// How a picture of `size` is drawn.
+    /// Drawing options of a picture of `size`.
     pub(super) fn frame_params(&self, size: UVec2, window: &WindowOptions) -> FrameParams {
         let camera = self.controls.camera(size, self.pane);
         let near = self.controls.near();
