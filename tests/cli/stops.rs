@@ -124,7 +124,7 @@ fn stop(command: &mut Command, line: &str, file: Option<&Path>, signal: &str) ->
 }
 
 const TEACHER: &str = "a soft teacher scene is trained first";
-const TRIAL: &str = "a short training leaves some photos out";
+const TRIAL: &str = "trial run on a validation split";
 const JUDGED: &str = "of their estimated exposure";
 
 #[cfg(unix)]

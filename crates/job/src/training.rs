@@ -364,7 +364,7 @@ impl TrainJob {
             keeps_max_triangles,
             keeps_photo_size: how.max_size.is_some() || self.dataset.kind == DatasetKind::Drawn,
             from: self.from.as_ref().map(|scene| scene.scene.triangle_count() as u64),
-            step_limit: step_limit,
+            step_limit,
             whole: self.whole,
             ..PlanInput::new(&self.dataset, options, budget, spending.seconds(), speed)
         })?;
