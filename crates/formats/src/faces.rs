@@ -197,27 +197,27 @@ impl PolygonCutter {
 
 /// The texture coordinates of the corners of a file's faces.
 #[derive(Debug, Default)]
-pub(super) struct PlacedCorners {
+pub(super) struct CornerUvs {
     /// Texture coordinates, from the lower left corner.
-    pub(super) places: Vec<Vec2>,
-    /// Vertex, and number of its coordinates, of all corners that have some.
+    pub(super) uvs: Vec<Vec2>,
+    /// Vertex and number of the coordinates, of all corners that have some.
     corners: Vec<(u32, u32)>,
     /// End of each face's corners in that list; empty until the first. `[F]`
-    until: Vec<usize>,
+    face_ends: Vec<usize>,
 }
 
-impl PlacedCorners {
+impl CornerUvs {
     /// Adds a corner of face number `face`, which has not ended.
     pub(super) fn push(&mut self, face: usize, vertex: u32, place: u32) {
         // Earlier faces may have none.
-        self.until.resize(face, self.corners.len());
+        self.face_ends.resize(face, self.corners.len());
         self.corners.push((vertex, place));
     }
 
     /// Ends a face.
     pub(super) fn end_face(&mut self) {
         if !self.corners.is_empty() {
-            self.until.push(self.corners.len());
+            self.face_ends.push(self.corners.len());
         }
     }
 
@@ -229,11 +229,11 @@ impl PlacedCorners {
         }
         let of = |(triangle, face): (&[u32; 3], &u32)| {
             let face = *face as usize;
-            let first = if face == 0 { 0 } else { self.until[face - 1] };
-            let corners = &self.corners[first..self.until[face]];
+            let first = if face == 0 { 0 } else { self.face_ends[face - 1] };
+            let corners = &self.corners[first..self.face_ends[face]];
             triangle.map(|vertex| {
                 let place = corners.iter().find(|corner| corner.0 == vertex).map(|corner| corner.1);
-                let place = place.and_then(|place| self.places.get(place as usize));
+                let place = place.and_then(|place| self.uvs.get(place as usize));
                 place.map_or(Vec2::NAN, |place| Vec2::new(place.x, 1.0 - place.y))
             })
         };
@@ -243,22 +243,22 @@ impl PlacedCorners {
 
 // ---- Colour channels from floats: sRGB-encoded, usually but not always in [0, 1] ----------------
 
-/// A channel above this is not an overshoot but has another scale.
-const OVERSHOOT: f32 = 2.0;
+/// Maximum overshoot of a channel; above it the file has another scale.
+const MAX_OVERSHOOT: f32 = 2.0;
 
 /// The mean of the colours of three corners, exact when they are equal.
 pub(super) fn mean([a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
     if a == b && b == c { a } else { [0, 1, 2].map(|i| (a[i] + b[i] + c[i]) / 3.0) }
 }
 
-/// Counts clamped values.
+/// Counter of clamped colour values.
 #[derive(Debug, Default)]
-pub(super) struct Clamped {
+pub(super) struct ClampCounter {
     count: usize,
     largest: f32,
 }
 
-impl Clamped {
+impl ClampCounter {
     /// The channel in [0, 1]; NaN when it is not finite, so that its triangle is dropped and
     /// counted.
     #[inline]
@@ -275,14 +275,14 @@ impl Clamped {
     }
 
     /// Adds the counts of another thread.
-    pub(super) fn merge(&mut self, other: Clamped) {
+    pub(super) fn merge(&mut self, other: ClampCounter) {
         self.count += other.count;
         self.largest = self.largest.max(other.largest);
     }
 
     /// A warning when values were clamped, an error when they are on another scale altogether.
     pub(super) fn report(&self, path: &Path, warnings: &mut Vec<String>) -> Result<()> {
-        if self.largest > OVERSHOOT {
+        if self.largest > MAX_OVERSHOOT {
             let reason = format!(
                 "float colours reach {}; floats must lie in 0 to 1: divide by 255, or write integers \
                  where the format has them",

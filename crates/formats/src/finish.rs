@@ -85,23 +85,20 @@ fn drop_from_mesh(mesh: &mut Mesh) -> Result<Option<usize>> {
 // Files with higher precision are read relative to an origin of their own, which the placement
 // stores. So the bake gives bitwise the same result as for the scene at the origin.
 
-/// Below this distance along every axis positions are read unchanged.
-const NEAR: f64 = 4096.0;
-/// A data set farther from the origin than this many times its own size loses a millionth of the
-/// size.
-const TIMES_SIZE: f64 = 100.0;
-/// A scene gets an origin of its own if it is farther from the origin than this many times its
-/// size.
-const TIMES_SPREAD: f64 = 16.0;
-/// Share of the positions that determine a scene's size, so that a few strays or a sky do not
-/// change it.
-const NEARLY_ALL: f64 = 0.9;
+/// Maximum distance along every axis below which positions are read unchanged.
+const NEAR_DISTANCE: f64 = 4096.0;
+/// Distance of a data set from the origin, in its sizes, at which f32 loses a millionth of the size.
+const MAX_DATASET_DISTANCE: f64 = 100.0;
+/// Distance of a scene from the origin, in its sizes, at which it gets an origin of its own.
+const MAX_SCENE_DISTANCE: f64 = 16.0;
+/// Share of the positions that determine a scene's size, so that outliers or a sky do not change it.
+const SIZE_QUANTILE: f64 = 0.9;
 /// Maximum number of positions to sample.
-const SAMPLE: usize = 1 << 12;
+const MAX_SAMPLES: usize = 1 << 12;
 
 /// Indices of the sampled positions among `count`.
 pub(crate) fn sampled(count: usize) -> impl Iterator<Item = usize> {
-    (0..count).step_by(count.div_ceil(SAMPLE).max(1))
+    (0..count).step_by(count.div_ceil(MAX_SAMPLES).max(1))
 }
 
 /// The origin of a file, from a sample of its positions: whole numbers, and zero where f32
@@ -113,8 +110,9 @@ pub(crate) fn origin_of(mut sample: Vec<DVec3>) -> DVec3 {
     let mut distances: Vec<f64> = sample.iter().map(|p| p.distance(middle)).collect();
     distances.sort_unstable_by(f64::total_cmp);
     let last = distances.len().saturating_sub(1);
-    let spread = distances.get((NEARLY_ALL * last as f64).ceil() as usize).copied().unwrap_or(0.0);
-    if is_far(middle) && middle.length() > TIMES_SPREAD * spread {
+    let spread =
+        distances.get((SIZE_QUANTILE * last as f64).ceil() as usize).copied().unwrap_or(0.0);
+    if is_far(middle) && middle.length() > MAX_SCENE_DISTANCE * spread {
         middle.round()
     } else {
         DVec3::ZERO
@@ -124,16 +122,16 @@ pub(crate) fn origin_of(mut sample: Vec<DVec3>) -> DVec3 {
 /// The origin of a scene with this middle and size: zero, unless f32 lacks the digits for detail at
 /// that distance. Whole numbers, so that adding them back is exact.
 pub fn far_origin(middle: DVec3, size: f64) -> DVec3 {
-    if middle.is_finite() && middle.length() > TIMES_SIZE * size {
+    if middle.is_finite() && middle.length() > MAX_DATASET_DISTANCE * size {
         middle.round()
     } else {
         DVec3::ZERO
     }
 }
 
-/// Whether a position is so far from the origin that f32 may be too coarse.
+/// True for a position so far from the origin that f32 may be too coarse.
 pub fn is_far(position: DVec3) -> bool {
-    position.abs().max_element() >= NEAR
+    position.abs().max_element() >= NEAR_DISTANCE
 }
 
 /// Positions with the digits that f32 lacks, if a file has them.
@@ -141,7 +139,7 @@ pub fn is_far(position: DVec3) -> bool {
 pub(super) struct FarPositions {
     rounded: Vec<Vec3>,
     /// The rounding residuals, from the first far position on. Empty, or as long as the positions.
-    rest: Vec<Vec3>,
+    residuals: Vec<Vec3>,
 }
 
 impl FarPositions {
@@ -167,20 +165,20 @@ impl FarPositions {
     /// Adds a position.
     pub(super) fn push(&mut self, position: DVec3) {
         let rounded = position.as_vec3();
-        if !self.rest.is_empty() || is_far(position) {
-            self.rest.resize(self.rounded.len(), Vec3::ZERO);
+        if !self.residuals.is_empty() || is_far(position) {
+            self.residuals.resize(self.rounded.len(), Vec3::ZERO);
             let rest = position - rounded.as_dvec3();
-            self.rest.push(if rest.is_finite() { rest.as_vec3() } else { Vec3::ZERO });
+            self.residuals.push(if rest.is_finite() { rest.as_vec3() } else { Vec3::ZERO });
         }
         self.rounded.push(rounded);
     }
 
     /// The positions, and the origin subtracted from them.
     pub(super) fn relative(self) -> (Vec<Vec3>, DVec3) {
-        if self.rest.is_empty() {
+        if self.residuals.is_empty() {
             return (self.rounded, DVec3::ZERO);
         }
-        let whole = |i: usize| self.rounded[i].as_dvec3() + self.rest[i].as_dvec3();
+        let whole = |i: usize| self.rounded[i].as_dvec3() + self.residuals[i].as_dvec3();
         let origin = origin_of(sampled(self.rounded.len()).map(whole).collect());
         if origin == DVec3::ZERO {
             return (self.rounded, origin);
@@ -188,7 +186,7 @@ impl FarPositions {
         let near = |(rounded, rest): (Vec3, Vec3)| {
             (rounded.as_dvec3() - origin + rest.as_dvec3()).as_vec3()
         };
-        (self.rounded.into_iter().zip(self.rest).map(near).collect(), origin)
+        (self.rounded.into_iter().zip(self.residuals).map(near).collect(), origin)
     }
 }
 
@@ -369,6 +367,6 @@ mod far_tests {
         assert!(origin_of(positions).distance(at) < 30.0);
         assert_eq!(origin_of(Vec::new()), DVec3::ZERO);
         assert_eq!(sampled(0).count(), 0);
-        assert!((2000..=SAMPLE).contains(&sampled(1_000_003).count()));
+        assert!((2000..=MAX_SAMPLES).contains(&sampled(1_000_003).count()));
     }
 }

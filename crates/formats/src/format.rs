@@ -126,7 +126,7 @@ pub(crate) const SPLAT: &str = ".splat";
 /// The names of formats that have none.
 pub(crate) const UNREAD: [&str; 2] = [".ksplat", "LCC"];
 
-/// The refusal of a file of Gaussians where triangles are wanted; `kind` is the usual name of the
+/// The refusal of a file of Gaussians where triangles are expected; `kind` is the usual name of the
 /// format.
 pub(crate) fn refusal(path: &Path, kind: &str) -> Error {
     let reason = format!(
@@ -164,14 +164,13 @@ pub(crate) fn recognise(head: &[u8], path: &Path) -> Option<&'static str> {
     }
 }
 
-/// Whether an archive of entries with these names is a scene in SOG: pictures of the Gaussians'
-/// parameters.
+/// True for the entries of an archive that is a scene in SOG: pictures of the Gaussians' parameters.
 pub(crate) fn is_sog(entries: &[String]) -> bool {
     let has = |file: &str| entries.iter().any(|name| name.rsplit('/').next() == Some(file));
     has("meta.json") && (has("means_l.webp") || has("means_l.png"))
 }
 
-/// Whether a checkpoint with these tensors is one of Gaussians: gsplat's, nerfstudio's.
+/// True for the tensors of a checkpoint of Gaussians: gsplat's, nerfstudio's.
 pub(crate) fn are_parameters(tensors: &[String]) -> bool {
     let has = |names: [&str; 2]| {
         names.iter().any(|name| tensors.iter().any(|key| key.rsplit('.').next() == Some(name)))

@@ -15,7 +15,7 @@ use trisplat_scene::{
     FaceTexture, ImportedScene, Provenance, Result, Scene, Soup, Splats, StoredPicture,
 };
 
-/// What a file holds.
+/// Content of a file.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(title = "trisplat info")]
 pub struct Info {
@@ -105,7 +105,7 @@ pub struct BoundingBox {
     pub max: [f32; 3],
 }
 
-/// How numbers are spread.
+/// Distribution of numbers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Distribution {
     /// Smallest.
@@ -136,10 +136,10 @@ pub struct ColorStats {
 pub struct TextureInfo {
     /// Width and height of the largest page, texels.
     pub size: [u32; 2],
-    /// How many pictures it has.
+    /// Number of pictures.
     #[serde(default = "one_page", skip_serializing_if = "is_one_page")]
     pub pages: u32,
-    /// How the file holds it, all pages together.
+    /// Format and size in the file, all pages together.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stored: Option<StoredPicture>,
 }
@@ -292,14 +292,14 @@ impl BoundingBox {
 }
 
 impl Distribution {
-    /// That of `values`; none of no values.
+    /// Distribution of `values`; `None` for an empty list.
     fn of(values: Vec<f32>) -> Option<Self> {
         if values.is_empty() {
             return None;
         }
         let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64;
-        let (min, max) =
-            values.iter().fold((f32::MAX, f32::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
+        let min = values.iter().copied().fold(f32::MAX, f32::min);
+        let max = values.iter().copied().fold(f32::MIN, f32::max);
         let median = median(values, f32::total_cmp)?;
         Some(Self { min, median, mean, max })
     }

@@ -50,7 +50,7 @@ const SCREEN_PX: f64 = 1080.0;
 const TRIANGLE_PX: f64 = 2.0;
 /// Minimum ratio of the distances at which two levels change: engines need falling heights on the
 /// screen.
-pub(super) const APART: f64 = 1.001;
+pub(super) const MIN_DISTANCE_RATIO: f64 = 1.001;
 
 /// A level and its file.
 #[derive(Debug)]
@@ -97,7 +97,7 @@ impl EngineScene {
         let near = |detail: &f64| detail / TRIANGLE_PX * SCREEN_PX / (2.0 * tangent);
         let mut last = 0.0_f64;
         let mut next = |distance: f64| {
-            last = distance.max(last * APART);
+            last = distance.max(last * MIN_DISTANCE_RATIO);
             last
         };
         self.details.iter().skip(1).map(|detail| next(near(detail) + self.radius)).collect()
@@ -136,7 +136,7 @@ pub(super) fn text(scene: &EngineScene) -> String {
                 _ => range(&mut out, scene, distances[i - 1], distances.get(i).copied()),
             }
         }
-        // The one of the finest level is always drawn, which suffices.
+        // The backdrop of the finest level is always drawn, which suffices.
         for node in file.backdrop.iter().filter(|_| i > 0) {
             line(
                 &mut out,
@@ -163,7 +163,7 @@ fn range(out: &mut String, scene: &EngineScene, begin: f64, end: Option<f64>) {
     }
 }
 
-/// Text in memory takes every line.
+/// Append a line; text in memory takes every one.
 fn line(out: &mut String, text: std::fmt::Arguments<'_>) {
     let _ = writeln!(out, "{text}");
 }
@@ -172,7 +172,8 @@ fn line(out: &mut String, text: std::fmt::Arguments<'_>) {
 
 /// Tangent of half the default vertical angle of Unity's camera, 60 degrees.
 const UNITY_CAMERA: f64 = 0.577_350;
-/// The same of Unreal, which has 90 degrees from left to right at 16:9.
+/// Tangent of half the default vertical angle of Unreal's camera, which has 90 degrees from left to
+/// right at 16:9.
 const UNREAL_CAMERA: f64 = 9.0 / 16.0;
 /// Unity accepts heights up to the whole screen.
 const WHOLE_SCREEN: f64 = 1.0;
@@ -186,10 +187,10 @@ const UNREAL: &str = include_str!("levels/levels_unreal.py");
 pub(super) fn unity(name: &str, scene: &EngineScene) -> String {
     let side = (scene.bounds[1] - scene.bounds[0]).max_element();
     let height = |distance: f64| side / (2.0 * distance * UNITY_CAMERA);
-    let mut most = WHOLE_SCREEN;
+    let mut max_height = WHOLE_SCREEN;
     let heights = scene.distances(UNITY_CAMERA).into_iter().map(|distance| {
-        let height = height(distance).min(most);
-        most = height / APART;
+        let height = height(distance).min(max_height);
+        max_height = height / MIN_DISTANCE_RATIO;
         height
     });
     // No level follows the last: the coarsest is drawn at any distance.

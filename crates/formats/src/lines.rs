@@ -10,10 +10,11 @@ use std::sync::Arc;
 use trisplat_scene::input::{self, BYTE_ORDER_MARK};
 use trisplat_scene::{Error, Limits, Provenance, Result, UpAxis, excerpt, parallel};
 
-/// Lines of meshes are far shorter. A longer line means a broken file, and its memory is limited to
-/// this.
-const LONGEST: u64 = 1 << 16;
+/// Maximum length of a line, bytes: lines of meshes are far shorter, and a longer one means a broken
+/// file.
+const MAX_LINE_BYTES: u64 = 1 << 16;
 
+/// A text file, line by line.
 pub(super) struct LineReader<'a> {
     path: &'a Path,
     reader: BufReader<&'a File>,
@@ -23,7 +24,7 @@ pub(super) struct LineReader<'a> {
 }
 
 impl<'a> LineReader<'a> {
-    /// Before the first line.
+    /// A reader before the first line.
     pub(super) fn new(source: &'a Source) -> Result<Self> {
         source.rewind()?;
         let reader = BufReader::with_capacity(1 << 18, &*source.file);
@@ -36,10 +37,11 @@ impl<'a> LineReader<'a> {
         self.line.clear();
         loop {
             let before = self.line.len() as u64;
-            let read = (&mut self.reader).take(LONGEST - before).read_until(b'\n', &mut self.line);
+            let read =
+                (&mut self.reader).take(MAX_LINE_BYTES - before).read_until(b'\n', &mut self.line);
             self.number += 1;
             let read = read.map_err(|e| Error::io(self.path, e))?;
-            if self.line.len() as u64 == LONGEST && self.line.last() != Some(&b'\n') {
+            if self.line.len() as u64 == MAX_LINE_BYTES && self.line.last() != Some(&b'\n') {
                 return Err(self.error("is longer than 64 KiB: not a mesh, or a broken one"));
             }
             let text = self.line.trim_ascii_end();
@@ -84,7 +86,7 @@ impl<'a> LineReader<'a> {
         self.text().split_once(char::is_whitespace).map_or("", |(_, rest)| rest.trim())
     }
 
-    /// Something wrong in this line.
+    /// The error of a fault in this line.
     pub(super) fn error(&self, reason: impl Into<String>) -> Error {
         Error::malformed(self.path, format!("line {}", self.number), reason)
     }

@@ -34,9 +34,9 @@ struct MtlMaterial {
 #[derive(Debug, Clone, Default, PartialEq)]
 struct MaterialPicture {
     name: String,
-    /// Places on it, from the lower left corner, are coordinates times this,
+    /// Factor of texture coordinates, from the lower left corner.
     scale: Option<Vec2>,
-    /// plus this.
+    /// Added to the scaled texture coordinates.
     offset: Vec2,
     wrap: Wrap,
 }
@@ -58,14 +58,14 @@ pub(crate) struct Materials {
     libraries: Vec<String>,
     names: Vec<String>,
     numbers: BTreeMap<String, usize>,
-    /// That of the next face.
+    /// Number of the next face's material.
     current: u32,
     /// Numbers of the faces' materials; empty without materials. `[F]`
     pub(crate) of_face: Vec<u32>,
 }
 
-/// Of faces before the first material.
-const NONE: u32 = u32::MAX;
+/// Material number of faces before the first material.
+const NO_MATERIAL: u32 = u32::MAX;
 
 impl Materials {
     /// `mtllib NAME...`: names may be quoted, and hold spaces.
@@ -81,7 +81,7 @@ impl Materials {
     pub(crate) fn begin(&mut self, name: &str, faces: usize) {
         let name = unquoted(name);
         if self.names.is_empty() {
-            self.of_face.resize(faces, NONE);
+            self.of_face.resize(faces, NO_MATERIAL);
         }
         let next = self.names.len();
         let number = *self.numbers.entry(name.to_owned()).or_insert(next);
@@ -117,7 +117,7 @@ impl Materials {
         let alike = |name: &String| in_any_case.get(&name.to_ascii_lowercase()).copied();
         let of_name = |name: &String| known.get(name).or_else(|| alike(name));
         let materials: Vec<Option<&MtlMaterial>> = self.names.iter().map(of_name).collect();
-        let lost = self.names.iter().zip(&materials).filter(|(_, found)| found.is_none());
+        let lost = self.names.iter().zip(&materials).filter(|(_, material)| material.is_none());
         let lost: Vec<&str> = lost.map(|(name, _)| name.as_str()).collect();
         if !known.is_empty() && !lost.is_empty() {
             let names = lost
@@ -136,7 +136,7 @@ impl Materials {
             return false;
         }
         let is_colored = matches!(&mesh.colors, Colors::Vertex(colors) if !colors.is_empty());
-        let mut pictures = MaterialTextures::default();
+        let mut textures = MaterialTextures::default();
         let mut painted = Vec::new();
         let mut colors = if is_colored {
             (0..mesh.face_count()).map(|face| mean(mesh.corner_colors(face))).collect()
@@ -154,13 +154,13 @@ impl Materials {
             if !is_colored {
                 colors[faces.clone()].fill(light);
             }
-            let Some(laid) = &material.picture else { continue };
-            let image = pictures.number(path, &laid.name, options);
-            let texture = pictures.textures.entry(image).or_insert_with(|| {
+            let Some(stored) = &material.picture else { continue };
+            let image = textures.number(path, &stored.name, options);
+            let texture = textures.textures.entry(image).or_insert_with(|| {
                 let read = if uvs.is_empty() {
                     Err(Error::unsupported(path, "its faces have no texture coordinates"))
                 } else {
-                    picture(path, &laid.name, options)
+                    picture(path, &stored.name, options)
                 };
                 let name = excerpt(&self.names[number]);
                 let unread =
@@ -172,14 +172,14 @@ impl Materials {
             }
             // Many programs write black beside a picture, and draw the picture alone.
             colors[faces.clone()].fill(if color == [0.0; 3] { [1.0; 3] } else { light });
-            let uvs = uvs[faces.clone()].iter().map(|uvs| uvs.map(|uv| laid.place(uv))).collect();
-            painted.push(PaintedFaces { image, faces, uvs, wrap: [laid.wrap; 2] });
+            let uvs = uvs[faces.clone()].iter().map(|uvs| uvs.map(|uv| stored.place(uv))).collect();
+            painted.push(PaintedFaces { image, faces, uvs, wrap: [stored.wrap; 2] });
         }
         if !is_colored || !painted.is_empty() {
             warnings.extend(has_colors(mesh).then(|| OVER_COLORS.to_owned()));
             mesh.colors = Colors::Face(colors);
         }
-        warnings.extend(paint(mesh, painted, &pictures.textures));
+        warnings.extend(paint(mesh, painted, &textures.textures));
         true
     }
 
@@ -193,7 +193,7 @@ impl Materials {
         let mut known = BTreeMap::new();
         for name in &self.libraries {
             let read =
-                found(path, name, options).and_then(|file| library(&file, options, &mut known));
+                resolve(path, name, options).and_then(|file| library(&file, options, &mut known));
             if let Err(error) = read {
                 warnings
                     .push(format!("materials are not read, their triangles are white: {error}"));
@@ -220,8 +220,8 @@ impl MaterialTextures {
             return *number;
         }
         let mut number = self.numbers.len();
-        // What is not found is read, and refused, under each name.
-        if let Ok(file) = found(path, name, options) {
+        // A missing file is refused under each of its names.
+        if let Ok(file) = resolve(path, name, options) {
             number = *self.files.entry(FileId::of(&file)).or_insert(number);
         }
         self.numbers.insert(name.to_owned(), number);
@@ -242,11 +242,11 @@ pub fn named_files(source: &Source, limits: &Limits) -> Result<Vec<PathBuf>> {
     }
     let mut files = Vec::new();
     for name in &materials.libraries {
-        let library = found(&source.path, name, &options)?;
+        let library = resolve(&source.path, name, &options)?;
         // One that cannot be read names nothing.
         let pictures = pictures(&library, &options).unwrap_or_default();
         files.push(library);
-        files.extend(pictures.iter().filter_map(|name| found(&source.path, name, &options).ok()));
+        files.extend(pictures.iter().filter_map(|name| resolve(&source.path, name, &options).ok()));
     }
     Ok(files)
 }
@@ -260,15 +260,15 @@ fn pictures(library: &Path, options: &ReadOptions) -> Result<Vec<String>> {
     while lines.advance_to_text()? {
         let keyword = lines.words().next().unwrap_or_default().to_ascii_lowercase();
         if keyword.starts_with("map_") || OTHER_PICTURES.contains(&keyword.as_str()) {
-            names.push(laid(lines.rest()).name);
+            names.push(parse_picture(lines.rest()).name);
         }
     }
     Ok(names)
 }
 
-/// The path of a file that the OBJ or PLY at `path` names, or of one whose name differs in case
-/// only. One that is not there, such as `C:\wall.png` of another machine, is looked for beside it.
-pub(crate) fn found(path: &Path, name: &str, options: &ReadOptions) -> Result<PathBuf> {
+/// Resolve the path of a file that the OBJ or PLY at `path` names, or of one whose name differs in
+/// case only. A missing file, such as `C:\wall.png` of another machine, is searched beside it.
+pub(crate) fn resolve(path: &Path, name: &str, options: &ReadOptions) -> Result<PathBuf> {
     let refuse = |why: &str| Err(Error::unsupported(path, format!("it names {name:?}, {why}")));
     if path.as_os_str() == "-" {
         return refuse("which standard input cannot reach; give the file by name");
@@ -332,19 +332,22 @@ fn unquoted(name: &str) -> &str {
 fn library(
     path: &Path,
     options: &ReadOptions,
-    known: &mut BTreeMap<String, MtlMaterial>,
+    materials: &mut BTreeMap<String, MtlMaterial>,
 ) -> Result<()> {
     let source = as_utf8(&Source::open(path, &options.limits)?, &options.limits)?;
     let mut lines = LineReader::new(&source)?;
     let mut name = None;
     while lines.advance_to_text()? {
         let mut words = lines.words();
-        let (Some(keyword), rest) = (words.next(), lines.rest()) else { continue };
+        let Some(keyword) = words.next() else { continue };
+        let rest = lines.rest();
         if keyword == "newmtl" {
-            known.entry(unquoted(rest).to_owned()).or_default();
+            materials.entry(unquoted(rest).to_owned()).or_default();
             name = Some(unquoted(rest).to_owned());
         }
-        let Some(material) = name.as_ref().and_then(|name| known.get_mut(name)) else { continue };
+        let Some(material) = name.as_ref().and_then(|name| materials.get_mut(name)) else {
+            continue;
+        };
         match keyword {
             "Kd" => {
                 let numbers: Vec<f32> = words
@@ -353,7 +356,9 @@ fn library(
                     .collect();
                 material.color = numbers.try_into().ok();
             }
-            _ if keyword.eq_ignore_ascii_case("map_Kd") => material.picture = Some(laid(rest)),
+            _ if keyword.eq_ignore_ascii_case("map_Kd") => {
+                material.picture = Some(parse_picture(rest))
+            }
             _ => {}
         }
     }
@@ -361,7 +366,7 @@ fn library(
 }
 
 /// A picture after options such as `-clamp on` and `-s 1 1 1`; its name may hold spaces.
-fn laid(text: &str) -> MaterialPicture {
+fn parse_picture(text: &str) -> MaterialPicture {
     let mut picture = MaterialPicture::default();
     let mut rest = text.trim();
     while let Some((option, after)) =
@@ -403,7 +408,7 @@ fn laid(text: &str) -> MaterialPicture {
 pub(crate) const OVER_COLORS: &str =
     "faces with a picture show it without the colours that the file has too";
 
-/// Whether a mesh has colours other than white.
+/// True when a mesh has colours other than white.
 pub(crate) fn has_colors(mesh: &Mesh) -> bool {
     let (Colors::Vertex(colors) | Colors::Face(colors)) = &mesh.colors;
     colors.iter().any(|color| *color != [1.0; 3])
@@ -411,7 +416,7 @@ pub(crate) fn has_colors(mesh: &Mesh) -> bool {
 
 /// The texture that a file names.
 pub(crate) fn picture(path: &Path, name: &str, options: &ReadOptions) -> Result<Arc<Texture>> {
-    let file = found(path, name, options)?;
+    let file = resolve(path, name, options)?;
     let bytes = input::read_large(&file, &options.limits, |_, _| Ok(()))?;
     Ok(Arc::new(Texture::decoded(&file, &bytes, &options.limits)?))
 }
@@ -429,9 +434,9 @@ mod tests {
             ("-bm 0.5 -blendu off a/b.png", "a/b.png"),
             ("-s 2 \"a b.png\"", "a b.png"),
         ] {
-            assert_eq!(laid(text).name, name, "{text}");
+            assert_eq!(parse_picture(text).name, name, "{text}");
         }
-        let moved = laid("-clamp on -s 2 3 1 -o 0.5 a.png");
+        let moved = parse_picture("-clamp on -s 2 3 1 -o 0.5 a.png");
         assert_eq!(
             (moved.scale, moved.offset, moved.wrap),
             (Some(Vec2::new(2.0, 3.0)), Vec2::new(0.5, 0.0), Wrap::Clamp)

@@ -5,7 +5,7 @@
 //! polygon as if it were convex, and does not name the faulty line. Our tests compare with it, and
 //! one of them fails when its colours are fixed.
 
-use crate::faces::{Clamped, FaceList, PlacedCorners};
+use crate::faces::{ClampCounter, CornerUvs, FaceList};
 use crate::finish::{FarPositions, finish};
 use crate::lines::{self, LineReader, as_utf8, number, push_float, push_integer, write_blocks};
 use crate::mtl::Materials;
@@ -22,7 +22,7 @@ use trisplat_scene::{Asset, Error, FaceTexture, ImportedScene, Result, Scene, ex
 pub use crate::mtl::named_files;
 
 /// The mesh in an OBJ file: all objects and groups as one, vertex colours made linear, white where
-/// a vertex has none, polygons as triangles. Without vertex colours it has those of its materials,
+/// a vertex has none, polygons as triangles. Without vertex colours it has the colours of its materials,
 /// or their picture if one paints the whole mesh. Normals, lines and points are skipped.
 ///
 /// # Errors
@@ -39,7 +39,7 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
         options.limits.triangles(path.display(), draft.faces.triangles() as u64)?;
         options.limits.vertices(
             path.display(),
-            draft.positions.len().max(draft.corners_placed.places.len()) as u64,
+            draft.positions.len().max(draft.corner_uvs.uvs.len()) as u64,
         )?;
     }
     if draft.faces.len() == 0 {
@@ -78,7 +78,7 @@ struct ObjDraft {
     /// The largest vertex number (from 1) used before its vertex was read, and its line.
     ahead: Option<(u64, i64)>,
     comments: Vec<String>,
-    corners_placed: PlacedCorners,
+    corner_uvs: CornerUvs,
     materials: Materials,
 }
 
@@ -136,7 +136,7 @@ impl ObjDraft {
     /// `u`, `u v` or `u v w`.
     fn take_place<'w>(&mut self, mut words: impl Iterator<Item = &'w str>) -> Result<(), String> {
         let mut next = || words.next().map_or(Ok(0.0), number::<f32>);
-        self.corners_placed.places.push(Vec2::new(next()?, next()?));
+        self.corner_uvs.uvs.push(Vec2::new(next()?, next()?));
         Ok(())
     }
 
@@ -152,12 +152,12 @@ impl ObjDraft {
                 self.corner(word, line).map_err(|reason| in_face(self.faces.len(), reason))?;
             self.corners.push(corner);
             if let Some(place) = self.place(word) {
-                self.corners_placed.push(self.faces.len(), corner, place);
+                self.corner_uvs.push(self.faces.len(), corner, place);
             }
         }
         self.faces.push(&self.corners).map_err(|reason| in_face(self.faces.len(), reason))?;
         self.materials.add_face();
-        self.corners_placed.end_face();
+        self.corner_uvs.end_face();
         Ok(())
     }
 
@@ -165,8 +165,7 @@ impl ObjDraft {
     fn place(&self, corner: &str) -> Option<u32> {
         let place =
             corner.split('/').nth(1).filter(|text| !text.is_empty())?.parse::<i64>().ok()?;
-        let from_one =
-            if place < 0 { self.corners_placed.places.len() as i64 + 1 + place } else { place };
+        let from_one = if place < 0 { self.corner_uvs.uvs.len() as i64 + 1 + place } else { place };
         Some(u32::try_from(from_one - 1).unwrap_or(NOWHERE))
     }
 
@@ -175,15 +174,15 @@ impl ObjDraft {
         let vertex = word.split('/').next().unwrap_or_default().parse::<i64>();
         let vertex = vertex
             .map_err(|_| format!("has the corner {:?}; expected a vertex number", excerpt(word)))?;
-        let known = self.positions.len() as i64;
-        let from_one = if vertex < 0 { known + 1 + vertex } else { vertex };
-        if from_one > known && self.ahead.is_none_or(|(_, largest)| from_one > largest) {
+        let read = self.positions.len() as i64;
+        let from_one = if vertex < 0 { read + 1 + vertex } else { vertex };
+        if from_one > read && self.ahead.is_none_or(|(_, largest)| from_one > largest) {
             self.ahead = Some((line, from_one));
         }
         match u32::try_from(from_one - 1) {
             Ok(index) => Ok(index),
             Err(_) => {
-                Err(format!("names vertex {vertex}, but there are {known} vertices before it"))
+                Err(format!("names vertex {vertex}, but there are {read} vertices before it"))
             }
         }
     }
@@ -202,11 +201,11 @@ impl ObjDraft {
         let mut mesh = Mesh { positions, ..Mesh::default() };
         // Beside colours of vertices only pictures count.
         let painted = !self.materials.of_face.is_empty()
-            && (self.colors.is_empty() || !self.corners_placed.places.is_empty());
+            && (self.colors.is_empty() || !self.corner_uvs.uvs.is_empty());
         let mut places = Vec::new();
         if painted {
             let face_of = triangles.repeat((0..count as u32).collect());
-            places = self.corners_placed.of(triangles.indices.as_chunks::<3>().0, &face_of);
+            places = self.corner_uvs.of(triangles.indices.as_chunks::<3>().0, &face_of);
             self.materials.of_face = triangles.repeat(std::mem::take(&mut self.materials.of_face));
         }
         mesh.indices = triangles.into_indices(mesh.positions.len());
@@ -219,7 +218,7 @@ impl ObjDraft {
                 };
                 warnings.push(format!("{vertices} white"));
             }
-            let mut clamped = Clamped::default();
+            let mut clamped = ClampCounter::default();
             let mut colors = self.colors;
             for color in &mut colors {
                 *color = color.map(|x| linear_from_srgb(clamped.channel(x)));
@@ -242,7 +241,11 @@ impl ObjDraft {
 ///
 /// With colours per face, each triangle gets three vertices of its own. OBJ has no opacity at
 /// vertices, so none is written. Normals, where the mesh has them, are one for each face. The faces
-/// of a backdrop come last, in a group of that name. Errors are those of `out` and `mtl`.
+/// of a backdrop come last, in a group of that name.
+///
+/// # Errors
+///
+/// Errors of `out` and `mtl`.
 pub fn write(
     out: &mut dyn Write,
     mtl: &mut dyn Write,
@@ -263,7 +266,7 @@ pub fn write(
         writeln!(out, "# {comment}")?;
     }
     writeln!(out, "mtllib {mtl_name}")?;
-    let own = match (&mesh.colors, texture) {
+    let unshared = match (&mesh.colors, texture) {
         // Colours would be multiplied with the texture.
         (_, Some(_)) => {
             write_blocks(out, mesh.vertex_count(), |v, block| {
@@ -297,16 +300,16 @@ pub fn write(
         push_vector(block, b"vn", mesh.normals[face])
     })?;
     out.write_all(b"usemtl trisplat\n")?;
-    let behind = asset.scene_faces();
-    let grouped = behind < mesh.face_count();
-    if grouped && behind > 0 {
+    let first_backdrop_face = asset.scene_faces();
+    let grouped = first_backdrop_face < mesh.face_count();
+    if grouped && first_backdrop_face > 0 {
         out.write_all(b"g scene\n")?;
     }
     write_blocks(out, mesh.face_count(), |face, block| {
-        if grouped && face == behind {
+        if grouped && face == first_backdrop_face {
             block.extend_from_slice(b"g backdrop\n");
         }
-        let corners = if own { [0, 1, 2].map(|c| 3 * face as u32 + c) } else { mesh.face(face) };
+        let corners = if unshared { [0, 1, 2].map(|c| 3 * face as u32 + c) } else { mesh.face(face) };
         block.push(b'f');
         for (k, corner) in corners.into_iter().enumerate() {
             block.push(b' ');

@@ -10,7 +10,7 @@
 //! The format has no σ and its exporter drops opacity, so triangles are read as solid; an alpha
 //! below 1 at a face becomes opacity.
 
-use crate::faces::{Clamped, FaceList, check_corners};
+use crate::faces::{ClampCounter, FaceList, check_corners};
 use crate::finish::{FarPositions, finish};
 use crate::lines::{LineReader, number};
 use crate::{ReadOptions, Source};
@@ -20,8 +20,10 @@ use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene, excerpt, input};
 
-/// Bytes of the shortest lines: `0 0 0` and `3 0 1 2`.
-const SHORTEST: (u64, u64) = (6, 8);
+/// Minimum bytes of the line of a vertex: `0 0 0`.
+const MIN_VERTEX_BYTES: u64 = 6;
+/// Minimum bytes of the line of a face: `3 0 1 2`.
+const MIN_FACE_BYTES: u64 = 8;
 
 /// The mesh in an OFF or COFF file, with the file's indices, linear colours, and polygons cut into
 /// triangles.
@@ -46,17 +48,17 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     let mut indices = Vec::new();
     let mut corners = Vec::new();
     limits.reserve(source.path.display(), &mut indices, 3 * faces)?;
-    let mut read = FaceList::from_triangles(indices);
+    let mut face_list = FaceList::from_triangles(indices);
     for face in 0..faces {
         advance(&mut lines, || format!("face {face} of {faces}"))?;
         read_corners(&lines, vertices, &mut corners, &mut of_faces)
-            .and_then(|()| read.push(&corners))
+            .and_then(|()| face_list.push(&corners))
             .map_err(|reason| lines.error(format!("face {face} {reason}")))?;
-        limits.triangles(source.path.display(), read.triangles() as u64)?;
+        limits.triangles(source.path.display(), face_list.triangles() as u64)?;
     }
     let origin;
     (mesh.positions, origin) = positions.relative();
-    let triangles = read.triangulate(&mesh.positions);
+    let triangles = face_list.triangulate(&mesh.positions);
     let mut warnings = Vec::new();
     if of_vertices.any && of_faces.any {
         warnings
@@ -87,10 +89,10 @@ fn softness_beside(path: &Path) -> Option<String> {
     let is_checkpoint =
         |file: &PathBuf| file.extension().is_some_and(|e| e == "pt") && file.is_file();
     let checkpoints = input::entries(folder).filter(is_checkpoint);
-    // That of the same name first.
-    let found =
+    // A checkpoint of the same name first.
+    let checkpoint =
         checkpoints.min_by_key(|file| (file.file_stem() != path.file_stem(), file.clone()))?;
-    let name = found.file_name()?.to_string_lossy().into_owned();
+    let name = checkpoint.file_name()?.to_string_lossy().into_owned();
     Some(format!(
         "an OFF file holds no softness: if {name} beside it is of the same training, give that, and the scene looks as it was trained"
     ))
@@ -121,15 +123,16 @@ fn read_counts(source: &Source, lines: &mut LineReader, limits: &Limits) -> Resu
         words = lines.words().map(str::to_owned).collect();
     }
     let count = |at: usize| words.get(at).and_then(|word| word.parse::<u64>().ok());
-    let (Some(vertices), Some(faces)) = (count(0), count(1)) else {
-        return Err(lines.error("expected the counts of vertices and faces, two whole numbers"));
-    };
+    let wrong_counts = "expected the counts of vertices and faces, two whole numbers";
+    let vertices = count(0).ok_or_else(|| lines.error(wrong_counts))?;
+    let faces = count(1).ok_or_else(|| lines.error(wrong_counts))?;
     if faces == 0 {
         return Err(lines.error("promises 0 faces: there are no triangles in the file"));
     }
-    let shortest =
-        vertices.saturating_mul(SHORTEST.0).saturating_add(faces.saturating_mul(SHORTEST.1));
-    if shortest > source.len + 1 {
+    let min_bytes = vertices
+        .saturating_mul(MIN_VERTEX_BYTES)
+        .saturating_add(faces.saturating_mul(MIN_FACE_BYTES));
+    if min_bytes > source.len + 1 {
         let len = source.len;
         return Err(lines.error(format!(
             "promises {vertices} vertices and {faces} faces, more than fit in the {len} bytes of the file"
@@ -231,7 +234,7 @@ impl FileColors {
         source: &Source,
         warnings: &mut Vec<String>,
     ) -> Result<(Vec<[f32; 3]>, Vec<f32>)> {
-        let mut clamped = Clamped::default();
+        let mut clamped = ClampCounter::default();
         let mut unit =
             |value: f32| if self.floats { clamped.channel(value) } else { value / 255.0 };
         let mut colors = Vec::new();

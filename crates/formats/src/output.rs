@@ -130,12 +130,12 @@ pub enum OutputFormat {
 }
 
 impl OutputFormat {
-    /// Whether its files say from which sides triangles are drawn.
+    /// True when its files store from which sides triangles are drawn.
     pub fn has_sides(self) -> bool {
         !matches!(self, Self::Obj | Self::Ply)
     }
 
-    /// By the ending of `path`.
+    /// The format of the ending of `path`.
     ///
     /// # Errors
     ///
@@ -179,13 +179,13 @@ impl OutputFiles {
 /// The kinds of files beside the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SideFiles {
-    /// How many levels of detail.
+    /// Number of levels of detail.
     pub levels: usize,
     /// The backdrop in a separate file.
     pub backdrop: bool,
     /// The surroundings as a panorama.
     pub sky: bool,
-    /// What to collide with.
+    /// The collider.
     pub collision: bool,
     /// The picture of its texture, if the format does not hold it.
     pub texture: bool,
@@ -248,18 +248,18 @@ impl Output {
             output.backdrop =
                 Some(Box::new(output.part("backdrop", "`backdrop` file writes one", options)?));
         }
-        // A page holds it.
+        // A page holds the panorama itself.
         if beside.sky && output.format != OutputFormat::Html {
             let ending = format!("sky.{}", options.texture_format.ending());
             output.sky = Some(output.beside(&ending, "`backdrop` sky writes a picture")?);
         }
-        // Some targets have a node for it.
+        // Some targets have a node for the collider.
         if beside.collision && !(gltf && options.target.has_collision_node()) {
             let file = output.part("collision", "`collision` writes one", options)?;
             output.collision = Some(Box::new(Self { node: COLLISION_NODE, ..file }));
         }
         if beside.texture && output.format == OutputFormat::Obj {
-            output.take_picture(options);
+            output.add_picture(options);
         }
         Ok(output)
     }
@@ -311,13 +311,11 @@ impl Output {
     }
 
     /// Adds the picture of a texture to the scene, its backdrop and its levels: OUT.jpg.
-    fn take_picture(&mut self, options: &OutputOptions) {
+    fn add_picture(&mut self, options: &OutputOptions) {
         self.picture = Some(self.main.with_extension(options.texture_format.ending()));
-        self.backdrop
-            .as_deref_mut()
-            .into_iter()
-            .chain(&mut self.levels)
-            .for_each(|o| o.take_picture(options));
+        for part in self.backdrop.as_deref_mut().into_iter().chain(&mut self.levels) {
+            part.add_picture(options);
+        }
     }
 
     /// The files of OUT.PART.glb, as [`Output::beside`].
@@ -384,7 +382,7 @@ impl Output {
     ///
     /// # Errors
     ///
-    /// Those of the operating system; another program that writes one of them.
+    /// Errors of the operating system; another program that writes one of them.
     pub fn start(&self) -> Result<OutputFiles> {
         let start = |path| AtomicFile::create(path);
         self.publishing_order().into_iter().map(start).collect::<Result<_>>().map(OutputFiles)

@@ -59,7 +59,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     finish(path, loaded, origin)
 }
 
-/// Whether a PLY holds Gaussians instead of triangles.
+/// True when a PLY holds Gaussians instead of triangles.
 ///
 /// # Errors
 ///
@@ -90,7 +90,7 @@ pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<Imported
     crate::splats::finish(&source.path, splats, provenance, warnings, origin)
 }
 
-/// The face element, or why the file has no usable triangles.
+/// The face element, or the error of a file without usable triangles.
 fn faces<'h>(path: &Path, header: &'h PlyHeader) -> Result<&'h Element> {
     let Some(vertices) = header.element("vertex") else {
         return Err(Error::malformed(path, "header", "has no element vertex"));

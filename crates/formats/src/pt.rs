@@ -45,9 +45,8 @@ use trisplat_scene::{
 /// cost the parser about 100 bytes of stack, and a deflated file can claim any size.
 const MAX_PICKLE_BYTES: u64 = 1 << 20;
 
-/// σ that Triangle Splatting+ and MeshSplatting reach at the end of training is 1e-4; above this
-/// the run was cut short.
-const UNFINISHED_SIGMA: f64 = 0.01;
+/// Maximum σ of a finished run: Triangle Splatting+ and MeshSplatting end at 1e-4.
+const MAX_FINISHED_SIGMA: f64 = 0.01;
 
 const RESAVE: &str = "load it in PyTorch 1.6 or later and torch.save it again";
 
@@ -157,7 +156,7 @@ fn read_mesh(file: &TorchFile, v: usize) -> Result<ImportedScene> {
         ..Mesh::default()
     };
     if let Some(PickleValue::Float(ln_sigma)) = file.scalar("sigma")?
-        && ln_sigma.exp() > UNFINISHED_SIGMA
+        && ln_sigma.exp() > MAX_FINISHED_SIGMA
     {
         warnings.push(format!(
             "training had not finished (sigma is {:.3}): faces that were still translucent become solid",
@@ -196,9 +195,9 @@ fn read_indices(file: &TorchFile, v: usize) -> Result<Vec<u32>> {
 
 /// An opened checkpoint: tensors by name, their bytes still on disk.
 struct TorchFile {
-    /// What the user called it.
+    /// The name that the user gave.
     label: PathBuf,
-    /// Path on disk; a temporary copy of standard input, and of what was unpacked.
+    /// Path on disk; a temporary copy of standard input, and of an unpacked file.
     file: PathBuf,
     /// Keeps that copy alive.
     _copy: Option<NamedTempFile>,
@@ -345,7 +344,7 @@ fn check_archive(source: &mut Source) -> Result<()> {
     source.rewind()
 }
 
-/// What an archive with entries of these names is, if it is no checkpoint.
+/// Kind of an archive with entries of these names, if it is no checkpoint.
 fn other_archive(names: &[String]) -> &'static str {
     let has = |ending: &str| names.iter().any(|name| name.to_ascii_lowercase().ends_with(ending));
     let photos = ["jpg", "jpeg", "png", "heic", "tif", "tiff"];

@@ -129,7 +129,7 @@ fn preview(head: &[u8]) -> String {
 
 // ---- Triangles or Gaussians ---------------------------------------------------------------------
 
-/// What a file holds.
+/// Content of a file.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Content {
     /// Triangles.
@@ -182,8 +182,8 @@ pub fn read_content_bytes(bytes: &[u8], format: Format, options: &ReadOptions) -
     read_as(format, source, options).map(Content::Scene)
 }
 
-/// Whether the file at `path` holds Gaussians that are read, by its first bytes. A file that cannot
-/// be read holds none, nor does standard input, which is read once.
+/// True when the file at `path` holds Gaussians that are read, by its first bytes; false for a file
+/// that cannot be read and for standard input, which is read once.
 pub fn holds_splats(path: &Path, limits: &Limits) -> bool {
     if path.as_os_str() == "-" {
         return false;
@@ -232,7 +232,7 @@ pub(super) fn read_splats(
 
 // ---- The plain case of writing: an asset and a file name ----------------------------------------
 
-/// What [`write()`] wrote.
+/// Files that [`write()`] wrote.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WrittenFiles {
     /// Every file and its size: the requested one first, then those beside it.
@@ -291,14 +291,14 @@ pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<Writ
 pub fn named_files(path: &Path, limits: &Limits) -> Vec<PathBuf> {
     let mut files =
         Vec::from_iter(splats::cameras::beside(path).filter(|_| holds_splats(path, limits)));
-    // These hold everything themselves; a compressed one would be unpacked to be recognised.
-    let alone = |path: &Path| {
+    // These formats hold everything themselves; a compressed file would be unpacked to be recognised.
+    let is_self_contained = |path: &Path| {
         matches!(
             Format::by_extension(path),
             Some(Format::Ply | Format::Pt | Format::Off | Format::Html)
         )
     };
-    if path.as_os_str() == "-" || is_packed(path) && alone(&path.with_extension("")) {
+    if path.as_os_str() == "-" || is_packed(path) && is_self_contained(&path.with_extension("")) {
         return files;
     }
     let named = Source::open(path, limits).and_then(|mut source| {

@@ -7,9 +7,9 @@ use std::sync::Arc;
 use trisplat_scene::{Error, Limits, Result, input};
 use zip::write::{SimpleFileOptions, ZipWriter};
 
-/// What is read, for messages.
+/// The formats that are read, for messages.
 pub(crate) const ACCEPTED: &str = "a soup, mesh or Gaussian splats (.ply), .splat, .spz, .sog, a training checkpoint .pt, .off, .obj, .glb, .gltf or our own .html";
-/// The list of an unzipped SOG.
+/// Name of the list of an unzipped SOG.
 const SOG_LIST: &str = "meta.json";
 
 /// A file to read: a label for messages, an open handle and its length. Standard input ("-") is
@@ -30,26 +30,19 @@ impl Source {
     /// unzipped SOG, given by its folder or its `meta.json`, which is zipped again.
     pub fn open(path: &Path, limits: &Limits) -> Result<Self> {
         if let Some(folder) = unzipped_sog(path) {
-            let (file, len) = zipped(&folder, limits)?;
+            let (file, len) = zip_folder(&folder, limits)?;
             return Ok(Self { path: path.to_owned(), file: Arc::new(file), len });
         }
-        let (file, len) = match path.as_os_str() == "-" {
-            true => input::spool(path, &mut std::io::stdin().lock(), limits)?,
-            false if path.is_dir() => {
-                let reason = if path.join("scene.ply").is_file() && path.join("photos").is_dir() {
-                    format!(
-                        "is a folder of `trisplat make`: its scene is {0}/scene.ply, its data set {0}/photos",
-                        path.display()
-                    )
-                } else {
-                    format!("is a folder; give {ACCEPTED}; `trisplat make` makes a scene of photos")
-                };
-                return Err(Error::unsupported(path, reason));
-            }
-            false => input::open(path, limits)?,
+        let (mut file, mut len) = if path.as_os_str() == "-" {
+            input::spool(path, &mut std::io::stdin().lock(), limits)?
+        } else if path.is_dir() {
+            return Err(folder_error(path));
+        } else {
+            input::open(path, limits)?
         };
-        let (file, len) =
-            if is_packed(path) { unpacked(path, file, len, limits)? } else { (file, len) };
+        if is_packed(path) {
+            (file, len) = unpack_gzip(path, file, len, limits)?;
+        }
         Ok(Self { path: path.to_owned(), file: Arc::new(file), len })
     }
 
@@ -78,6 +71,19 @@ impl Source {
     }
 }
 
+/// The error for a folder in place of a file.
+fn folder_error(path: &Path) -> Error {
+    let reason = if path.join("scene.ply").is_file() && path.join("photos").is_dir() {
+        format!(
+            "is a folder of `trisplat make`: its scene is {0}/scene.ply, its data set {0}/photos",
+            path.display()
+        )
+    } else {
+        format!("is a folder; give {ACCEPTED}; `trisplat make` makes a scene of photos")
+    };
+    Error::unsupported(path, reason)
+}
+
 /// The folder of an unzipped SOG that is given by itself or by its `meta.json`.
 pub fn unzipped_sog(path: &Path) -> Option<PathBuf> {
     let is_list = path.file_name().is_some_and(|name| name == SOG_LIST);
@@ -87,7 +93,7 @@ pub fn unzipped_sog(path: &Path) -> Option<PathBuf> {
 }
 
 /// The files of a folder as a zip archive, in a temporary file.
-fn zipped(folder: &Path, limits: &Limits) -> Result<(File, u64)> {
+fn zip_folder(folder: &Path, limits: &Limits) -> Result<(File, u64)> {
     let io = |e| Error::io(folder, e);
     let entries =
         std::fs::read_dir(folder).map_err(io)?.collect::<std::io::Result<Vec<_>>>().map_err(io)?;
@@ -111,13 +117,13 @@ fn zipped(folder: &Path, limits: &Limits) -> Result<(File, u64)> {
     Ok((file, len))
 }
 
-/// Whether the name has the ending of gzip. (Some formats are compressed inside.)
+/// True when the name has the ending of gzip. (Some formats are compressed inside.)
 pub(crate) fn is_packed(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gz"))
 }
 
 /// The uncompressed content of a gzip file, in a temporary file; any other file itself.
-fn unpacked(path: &Path, mut file: File, len: u64, limits: &Limits) -> Result<(File, u64)> {
+fn unpack_gzip(path: &Path, mut file: File, len: u64, limits: &Limits) -> Result<(File, u64)> {
     let io = |e| Error::io(path, e);
     let mut magic = [0; 2];
     let read = (&mut file).take(2).read(&mut magic).map_err(io)?;
@@ -129,35 +135,38 @@ fn unpacked(path: &Path, mut file: File, len: u64, limits: &Limits) -> Result<(F
     let damaged = |error| damaged(path, error, place, "gzip -t");
     let mut stream = flate2::read::MultiGzDecoder::new(file);
     let mut head = Vec::new();
-    (&mut stream).take(HEAD).read_to_end(&mut head).map_err(io).map_err(damaged)?;
-    let most = HEAD.saturating_add(needed(&head, len));
-    let mut whole = head.chain(stream).take(most.saturating_add(1));
+    (&mut stream).take(HEAD_BYTES).read_to_end(&mut head).map_err(io).map_err(damaged)?;
+    let max_bytes = HEAD_BYTES.saturating_add(max_body_bytes(&head, len));
+    let mut whole = head.chain(stream).take(max_bytes.saturating_add(1));
     let (file, unpacked) = input::spool(path, &mut whole, limits).map_err(damaged)?;
-    if unpacked > most {
+    if unpacked > max_bytes {
         let reason = format!(
-            "unpack to more than {most} bytes, which is more than such a header needs; `gunzip` the file if that is right"
+            "unpack to more than {max_bytes} bytes, which is more than such a header needs; `gunzip` the file if that is right"
         );
         return Err(Error::malformed(path, place, reason));
     }
     Ok((file, unpacked))
 }
 
-/// Bytes of a file that its header lies in.
-const HEAD: u64 = 1 << 20;
-/// Bytes of a number in text, at most; corners of a face, and their count.
-const NUMBER: u64 = 64;
-const CORNERS: u64 = 4097;
-/// Of formats without counts: text shrinks to a tenth, seldom to a hundredth.
-const TEXT_RATIO: u64 = 128;
+/// Maximum bytes of a file's header.
+const HEAD_BYTES: u64 = 1 << 20;
+/// Maximum bytes of a number in text.
+const MAX_NUMBER_BYTES: u64 = 64;
+/// Maximum numbers of a face: its corners, and their count.
+const MAX_FACE_NUMBERS: u64 = 4097;
+/// Maximum unpacked size of formats without counts, in packed sizes: text shrinks to a tenth, seldom
+/// to a hundredth.
+const MAX_TEXT_RATIO: u64 = 128;
 
-/// Maximum bytes behind the header of a file that begins with `head`; `packed` is its compressed size.
-fn needed(head: &[u8], packed: u64) -> u64 {
+/// Maximum bytes behind the header of a file that begins with `head`; `packed` is its compressed
+/// size.
+fn max_body_bytes(head: &[u8], packed: u64) -> u64 {
     let head = head.strip_prefix(input::BYTE_ORDER_MARK).unwrap_or(head);
     if let [b'g', b'l', b'T', b'F', _, _, _, _, a, b, c, d, ..] = *head {
         return u32::from_le_bytes([a, b, c, d]).into();
     }
     if !head.starts_with(b"ply") {
-        return TEXT_RATIO.saturating_mul(packed.max(HEAD));
+        return MAX_TEXT_RATIO.saturating_mul(packed.max(HEAD_BYTES));
     }
     let mut rows = 0u64;
     let mut all = 0u64;
@@ -166,9 +175,9 @@ fn needed(head: &[u8], packed: u64) -> u64 {
         match line.split_whitespace().collect::<Vec<_>>()[..] {
             ["element", _, count] => rows = count.parse().unwrap_or(0),
             ["property", "list", ..] => {
-                all = all.saturating_add(rows.saturating_mul(NUMBER * CORNERS))
+                all = all.saturating_add(rows.saturating_mul(MAX_NUMBER_BYTES * MAX_FACE_NUMBERS))
             }
-            ["property", ..] => all = all.saturating_add(rows.saturating_mul(NUMBER)),
+            ["property", ..] => all = all.saturating_add(rows.saturating_mul(MAX_NUMBER_BYTES)),
             _ => {}
         }
     }
@@ -202,7 +211,7 @@ pub struct ReadOptions {
     pub sh_degree: u8,
     /// Limits on the file.
     pub limits: Limits,
-    /// Whether a glTF document may name files outside its folder.
+    /// True when a glTF document may name files outside its folder.
     pub allow_outside: bool,
 }
 
@@ -263,7 +272,7 @@ mod tests {
                 "{error}"
             );
         }
-        assert_eq!(needed(ply.as_bytes(), 1), 64 * (3 * 3 + 4097));
+        assert_eq!(max_body_bytes(ply.as_bytes(), 1), 64 * (3 * 3 + 4097));
         // Text without counts may shrink as much as it likes below 128 MiB.
         let path = folder.path().join("b.obj.gz");
         let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
@@ -272,6 +281,6 @@ mod tests {
             .expect("in memory");
         std::fs::write(&path, packed.finish().expect("in memory")).expect("writable");
         assert!(Source::open(&path, &Limits::DEFAULT).is_ok());
-        assert_eq!(needed(b"v 0 0 0\n", 2 << 20), 256 << 20);
+        assert_eq!(max_body_bytes(b"v 0 0 0\n", 2 << 20), 256 << 20);
     }
 }

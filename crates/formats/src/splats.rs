@@ -1,4 +1,4 @@
-//! What readers of Gaussian splats share, and the format `.splat`.
+//! Shared code of the readers of Gaussian splats, and the format `.splat`.
 //!
 //! Arrays within limits, conversions, and the end of every reader. Readers of other formats:
 //! [`sog`], [`spz`], [`crate::ply`], [`crate::gltf`].

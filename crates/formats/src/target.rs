@@ -139,8 +139,8 @@ impl OutputTarget {
         }
     }
 
-    /// How to write a GLB for this target, and notes for the user, one sentence each; `small` asks
-    /// for the fewest bytes it can read.
+    /// Options of a GLB for this target, and notes for the user, one sentence each; `small` asks for
+    /// the smallest file that it can read.
     pub(crate) fn encoding(self, small: bool) -> (GltfOptions, Vec<String>) {
         let row = self.row();
         let mut notes: Vec<&str> = row.notes.to_vec();
@@ -168,7 +168,7 @@ impl OutputTarget {
         (options, notes.iter().map(|note| format!("{}: {note}", row.name)).collect())
     }
 
-    /// Whether the target's glTF has a collision node; other targets get a file beside the scene.
+    /// True when the target's glTF has a collision node; other targets get a file beside the scene.
     pub fn has_collision_node(self) -> bool {
         self.row().collision.is_some()
     }

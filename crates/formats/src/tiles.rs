@@ -14,13 +14,13 @@ use trisplat_scene::atomic::{AtomicFile, MadeFolders, put, sweep_folder};
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{Asset, Error, Provenance, Result, Tile};
 
-/// Largest texture side of a tile in texels, the limit of today's phones.
-const LARGEST_TEXTURE: u32 = 4096;
+/// Maximum side of a tile's texture, texels: the limit of today's phones.
+const MAX_TEXTURE_SIDE: u32 = 4096;
 
 /// The ending of a tileset's name.
 pub(crate) const ENDING: &str = "tileset.json";
 
-/// Whether a file of this name is a tileset.
+/// True for the name of a tileset.
 pub(crate) fn is_tileset(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     name == ENDING || name.ends_with(&format!(".{ENDING}"))
@@ -42,33 +42,33 @@ pub struct TilesetWriter {
     folder: PathBuf,
     options: GltfOptions,
     /// Maximum number of tiles in one tileset.
-    most_tiles: u32,
+    max_tiles: u32,
     /// Names of all files in the folder.
     names: BTreeSet<String>,
     bytes: u64,
 }
 
 impl TilesetWriter {
-    /// Begins the tileset `path` with at most `most_tiles` tiles per file; `options` are those of
-    /// the tiles' encoding.
+    /// Begins the tileset `path` with at most `max_tiles` tiles per file; `options` are
+    /// the encoding of the tiles.
     ///
     /// # Errors
     ///
     /// A name that is not of a tileset; I/O.
-    pub fn start(path: &Path, options: GltfOptions, most_tiles: u32) -> Result<Self> {
+    pub fn start(path: &Path, options: GltfOptions, max_tiles: u32) -> Result<Self> {
         if !is_tileset(path) {
             return Err(Error::invalid("output", path.display(), "a name ending in tileset.json"));
         }
-        Self::of(AtomicFile::create(path)?, options, most_tiles)
+        Self::of(AtomicFile::create(path)?, options, max_tiles)
     }
 
     /// The same in a file that was created. Bytes are only counted if it is dry.
-    pub(super) fn of(mut file: AtomicFile, options: GltfOptions, most_tiles: u32) -> Result<Self> {
+    pub(super) fn of(mut file: AtomicFile, options: GltfOptions, max_tiles: u32) -> Result<Self> {
         let folder = folder_of(file.path());
         if !file.is_dry() {
             file.keeps(MadeFolders::make(&folder)?);
         }
-        Ok(Self { file, folder, options, most_tiles, names: BTreeSet::new(), bytes: 0 })
+        Ok(Self { file, folder, options, max_tiles, names: BTreeSet::new(), bytes: 0 })
     }
 
     /// Writes the tiles of block `index`.
@@ -133,7 +133,7 @@ impl TilesetWriter {
     }
 
     /// Writes the text of the tileset; subtrees go to external tilesets, so that no file holds more
-    /// than `most_tiles` tiles. Returns its file, and what to call once that is published: it
+    /// than `max_tiles` tiles. Returns its file, and what to call once that is published: it
     /// removes the tiles of an earlier tileset, and returns the folder of the tiles and their
     /// bytes.
     pub(super) fn written(
@@ -142,12 +142,12 @@ impl TilesetWriter {
     ) -> Result<(AtomicFile, impl FnOnce() -> (PathBuf, u64))> {
         let generator = trisplat_scene::report::generator();
         let folder = self.address("");
-        let most = self.most_tiles as usize;
+        let max_tiles = self.max_tiles as usize;
         let mut save = |place: &str, part: TilesetTile| {
             let text = json(&part.beside(&folder), &generator);
             self.put(&format!("set{place}"), "json", text.as_bytes())
         };
-        let text = json(&root.split(most, &mut save)?, &generator);
+        let text = json(&root.split(max_tiles, &mut save)?, &generator);
         let Self { mut file, folder, names, bytes, .. } = self;
         file.write_all(text.as_bytes()).map_err(|e| Error::io(file.path(), e))?;
         let dry = file.is_dry();
@@ -177,7 +177,7 @@ impl TilesetWriter {
             // A file shows a part of the scene: it has only that part's texels.
             Some(texture) => {
                 let mut own = asset.clone();
-                own.mesh.texture = Some(texture.excerpt(0, LARGEST_TEXTURE));
+                own.mesh.texture = Some(texture.excerpt(0, MAX_TEXTURE_SIDE));
                 to_glb_bytes(&own, &self.options)?
             }
         };
@@ -202,7 +202,7 @@ impl TilesetWriter {
     }
 }
 
-/// Whether a file name is one of our tiles: a path in the tree and a hash.
+/// True for the file name of one of our tiles: a path in the tree and a hash.
 fn is_tile(name: &str) -> bool {
     let Some((place, hash)) = name.rsplit_once('-') else { return false };
     let Some((hash, ending)) = hash.split_once('.') else { return false };
@@ -236,7 +236,7 @@ pub struct TilesetTile {
     pub bounds: Option<[DVec3; 2]>,
     /// The size of detail that it leaves out, in units of the file; 0 for full detail.
     pub error: f64,
-    /// Whether the tiles below replace it, or are drawn beside it.
+    /// True when the tiles below replace it, false when they are drawn beside it.
     pub replaced: bool,
     /// The tiles below it.
     pub children: Vec<TilesetTile>,
@@ -253,7 +253,7 @@ impl TilesetTile {
         })
     }
 
-    /// The same with subtrees in external tilesets, so that no file holds more than `most` tiles,
+    /// The same with subtrees in external tilesets, so that no file holds more than `max_tiles` tiles,
     /// unless one tile has more children. `save` writes a tileset for a place in the tree, and
     /// returns its address.
     ///
@@ -262,33 +262,34 @@ impl TilesetTile {
     /// As `save`.
     fn split(
         self,
-        most: usize,
+        max_tiles: usize,
         save: &mut dyn FnMut(&str, Self) -> Result<String>,
     ) -> Result<Self> {
-        Ok(self.part("", most, save)?.0)
+        Ok(self.part("", max_tiles, save)?.0)
     }
 
     /// The tile with its subtree, and the number of tiles left in its file.
     fn part(
         mut self,
         place: &str,
-        most: usize,
+        max_tiles: usize,
         save: &mut dyn FnMut(&str, Self) -> Result<String>,
     ) -> Result<(Self, usize)> {
         let below =
             |i: usize| if place.is_empty() { i.to_string() } else { format!("{place}.{i}") };
         let children = std::mem::take(&mut self.children).into_iter().enumerate();
-        let parts: Vec<(Self, usize)> =
-            children.map(|(i, child)| child.part(&below(i), most, save)).collect::<Result<_>>()?;
+        let parts: Vec<(Self, usize)> = children
+            .map(|(i, child)| child.part(&below(i), max_tiles, save))
+            .collect::<Result<_>>()?;
         let total = 1 + parts.iter().map(|(_, count)| count).sum::<usize>();
-        if total <= most {
+        if total <= max_tiles {
             self.children = parts.into_iter().map(|(child, _)| child).collect();
             return Ok((self, total));
         }
         let cut = |(i, (child, count)): (usize, (Self, usize))| match count {
             // A single tile is as long as a link to another file.
             1 => Ok(child),
-            _ => child.apart(&below(i), save),
+            _ => child.into_external(&below(i), save),
         };
         self.children = parts.into_iter().enumerate().map(cut).collect::<Result<_>>()?;
         let left = 1 + self.children.len();
@@ -296,7 +297,7 @@ impl TilesetTile {
     }
 
     /// The tile in an external tileset, and the tile that links to it.
-    fn apart(
+    fn into_external(
         self,
         place: &str,
         save: &mut dyn FnMut(&str, Self) -> Result<String>,
@@ -469,7 +470,9 @@ mod tileset_tests {
             assert!(all().all(|part| part.count() <= most), "{most}");
             // Every file is named once, every GLB is in one of them.
             let mut names = Vec::new();
-            all().for_each(|part| visit(part, &mut |tile| names.extend(tile.uri.clone())));
+            for part in all() {
+                visit(part, &mut |tile| names.extend(tile.uri.clone()));
+            }
             let short = |name: &str| name.strip_prefix("s.tiles/").unwrap_or(name).to_owned();
             let mut names: Vec<String> = names.iter().map(|name| short(name)).collect();
             let mut wanted: Vec<String> = files.iter().map(|(name, _)| short(name)).collect();
@@ -483,7 +486,9 @@ mod tileset_tests {
 
     fn visit(tile: &TilesetTile, what: &mut dyn FnMut(&TilesetTile)) {
         what(tile);
-        tile.children.iter().for_each(|child| visit(child, what));
+        for child in &tile.children {
+            visit(child, what);
+        }
     }
 
     #[test]

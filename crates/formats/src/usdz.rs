@@ -13,7 +13,7 @@ use trisplat_scene::report::generator;
 use trisplat_scene::{Asset, FaceTexture};
 use zip::write::{SimpleFileOptions, ZipWriter};
 
-/// Where the bytes of a file in the archive begin: at multiples of this.
+/// Alignment of the bytes of each file in the archive.
 const ALIGNMENT: u16 = 64;
 /// The name of the scene in its archive.
 const LAYER: &str = "scene.usda";
@@ -29,7 +29,7 @@ const LIT: &str = "                color3f inputs:diffuseColor.connect = ";
 ///
 /// # Errors
 ///
-/// Those of `out`.
+/// Errors of `out`.
 pub(crate) fn write(
     out: &mut dyn Write,
     picture: Option<(&str, &[u8])>,
@@ -60,7 +60,7 @@ fn write_layer(out: &mut dyn Write, picture: Option<&str>, mesh: &Mesh) -> io::R
     writeln!(out, "def Xform \"scene\" (\n    kind = \"component\"\n)\n{{")?;
     let texture = mesh.texture.as_ref().filter(|_| picture.is_some()).map(FaceTexture::joined);
     if mesh.single_sided.is_empty() {
-        write_mesh(out, mesh, texture.as_ref(), ("triangles", false))?;
+        write_mesh(out, mesh, texture.as_ref(), "triangles", false)?;
     } else {
         let whole = Mesh { texture, ..mesh.clone() };
         for (name, single_sided) in [("triangles", false), ("triangles_front", true)] {
@@ -68,7 +68,7 @@ fn write_layer(out: &mut dyn Write, picture: Option<&str>, mesh: &Mesh) -> io::R
                 .filter(|face| whole.is_single_sided(*face as usize) == single_sided);
             let part = whole.part(&faces.collect::<Vec<_>>());
             if part.face_count() > 0 {
-                write_mesh(out, &part, part.texture.as_ref(), (name, single_sided))?;
+                write_mesh(out, &part, part.texture.as_ref(), name, single_sided)?;
             }
         }
     }
@@ -81,7 +81,8 @@ fn write_mesh(
     out: &mut dyn Write,
     mesh: &Mesh,
     texture: Option<&FaceTexture>,
-    (name, single_sided): (&str, bool),
+    name: &str,
+    single_sided: bool,
 ) -> io::Result<()> {
     let faces = mesh.face_count();
     writeln!(

@@ -42,7 +42,7 @@ impl ElementLayout {
         self.width * size(self.component)
     }
 
-    /// Whether these are floats or integers that stand for 0 to 1, as colours are.
+    /// True for floats and for integers that stand for 0 to 1, as colours are.
     pub(crate) fn is_unit(&self) -> bool {
         matches!(
             (self.component, self.normalized),
@@ -230,7 +230,9 @@ impl<'a> Accessors<'a> {
         } else {
             let mut zero = [0.0; N];
             zero[(layout.width as usize).min(N)..].fill(fill);
-            (0..layout.count as usize).for_each(|i| each(i, zero));
+            for i in 0..layout.count as usize {
+                each(i, zero);
+            }
         }
         self.for_each_sparse(index, &layout, fill, each)
     }
@@ -333,7 +335,9 @@ fn decode<const N: usize>(
     for (i, element) in bytes.chunks(layout.stride as usize).enumerate() {
         let cells = element.chunks_exact(layout.component.size()).take(layout.width as usize);
         let mut values = [fill; N];
-        values.iter_mut().zip(cells).for_each(|(value, cell)| *value = number(layout, cell));
+        for (value, cell) in values.iter_mut().zip(cells) {
+            *value = number(layout, cell);
+        }
         each(i, values);
     }
 }
@@ -365,7 +369,8 @@ pub(crate) const UNREAD: &str =
 pub(crate) fn painted_faces(
     document: &GltfDocument,
     accessors: &mut Accessors,
-    (info, attributes): (&GltfTextureInfo, &Attributes),
+    info: &GltfTextureInfo,
+    attributes: &Attributes,
     faces: Range<usize>,
     corner: impl Fn(usize) -> usize,
 ) -> Result<Result<PaintedFaces, String>> {

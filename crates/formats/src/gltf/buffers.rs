@@ -122,7 +122,7 @@ impl<'a> Buffers<'a> {
     }
 
     fn find(&self, buffer: usize) -> Result<OpenBuffer> {
-        let wanted = self.length(buffer)?;
+        let length = self.length(buffer)?;
         let place = format!("buffer {buffer}");
         let (opened, has) = match &self.declared[buffer].uri {
             None => {
@@ -139,11 +139,11 @@ impl<'a> Buffers<'a> {
             }
             Some(uri) => self.open_beside(uri, &place)?,
         };
-        if has < wanted {
+        if has < length {
             return Err(Error::malformed(
                 &self.path,
                 place,
-                format!("promises {wanted} bytes, but only {has} are there: truncated?"),
+                format!("promises {length} bytes, but only {has} are there: truncated?"),
             ));
         }
         Ok(opened)
@@ -227,9 +227,9 @@ pub(crate) fn data(uri: &str) -> Result<Vec<u8>, &'static str> {
 
 // ---- The files that a document names ------------------------------------------------------------
 
-/// What of a document may name files. Buffers do so as pictures do.
+/// Parts of a document that may name files: buffers and pictures.
 #[derive(Debug, Deserialize)]
-struct Named {
+struct NamedFiles {
     #[serde(default)]
     buffers: Vec<GltfImage>,
     #[serde(default)]
@@ -239,10 +239,10 @@ struct Named {
 /// The files beside `source` that its buffers and pictures are in.
 pub fn named_files(source: &mut Source, limits: &Limits) -> Result<Vec<PathBuf>> {
     let container = ContainerFile::read(source, limits)?;
-    let Named { buffers, images } = parse(&source.path, &container.json, limits)?;
+    let NamedFiles { buffers, images } = parse(&source.path, &container.json, limits)?;
     let folder = source.path.parent().unwrap_or(Path::new(""));
     let uris = buffers.into_iter().chain(images).filter_map(|named| named.uri);
-    // What has a scheme, as data has, is no file.
+    // A URI with a scheme, such as `data:`, is no file.
     let beside = uris.filter(|uri| !is_data(uri) && !uri.contains(':'));
     Ok(beside.map(|uri| folder.join(unescaped(&uri))).collect())
 }

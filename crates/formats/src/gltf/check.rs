@@ -1,5 +1,5 @@
-//! What engines reject or draw badly in a glTF file that reads: sizes, encodings, missing pictures.
-//! The rules of glTF 2.0 themselves are judged by Khronos' validator.
+//! Findings about a valid glTF file that engines reject or draw badly: sizes, encodings, missing
+//! pictures. Khronos' validator judges the rules of glTF 2.0 themselves.
 
 use super::accessor::{self, Accessors};
 use super::buffers::Buffers;
@@ -53,7 +53,7 @@ fn check_sizes(document: &GltfDocument, accessors: &mut Accessors, findings: &mu
     for (m, mesh) in document.meshes.iter().enumerate() {
         for (p, primitive) in mesh.primitives.iter().enumerate() {
             let Some(position) = primitive.attributes.position else { continue };
-            // One that does not exist is a fault that reading finds.
+            // A missing accessor is a fault that reading finds.
             let Ok(layout) = accessors.layout(position) else { continue };
             if layout.count > MAX_SHORT_VERTICES {
                 let what = format!(
@@ -81,7 +81,7 @@ fn check_pictures(document: &GltfDocument, accessors: &mut Accessors, findings: 
 
 // ---- Findings, and the list that collects them --------------------------------------------------
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
 )]
@@ -95,12 +95,12 @@ pub enum Severity {
     Error,
 }
 
-/// One thing found.
+/// One finding about a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Finding {
-    /// How bad it is.
+    /// Severity.
     pub severity: Severity,
-    /// Where: "accessor 3", "triangles 5, 17, 230 and 12 more".
+    /// Place in the file: "accessor 3", "triangles 5, 17, 230 and 12 more".
     pub place: String,
     /// The fault and the remedy.
     pub what: String,
@@ -114,7 +114,7 @@ pub(crate) struct Findings {
 }
 
 impl Findings {
-    /// Adds one thing found at `place`.
+    /// Adds a finding at `place`.
     pub(crate) fn add(
         &mut self,
         severity: Severity,

@@ -53,8 +53,8 @@ fn root(content: &GltfContent, bin_name: Option<&str>) -> Result<Root> {
         pages.clone().map(|page| image(index(streams + page), page, options.texture)).collect();
     let textures = pages.clone().map(texture).collect();
     let samplers = pages.take(1).map(|_| sampler()).collect();
-    let painted = painted(parts);
-    let materials: Vec<Material> = painted.iter().map(|of| material(content, of)).collect();
+    let part_materials = part_materials(parts);
+    let materials: Vec<Material> = part_materials.iter().map(|of| material(content, of)).collect();
     let unlit = materials.iter().any(|material| material.extensions.is_some());
     // A file with only a backdrop, or a tile, has no viewpoint.
     let viewpoint =
@@ -66,7 +66,7 @@ fn root(content: &GltfContent, bin_name: Option<&str>) -> Result<Root> {
     let meshes = parts
         .iter()
         .map(|part| {
-            let material = painted.iter().position(|of| *of == PartMaterial::of(part));
+            let material = part_materials.iter().position(|of| *of == PartMaterial::of(part));
             mesh(part, material, options, &mut accessors)
         })
         .collect::<Result<_>>()?;
@@ -125,7 +125,7 @@ fn extras(content: &GltfContent, pretty: bool) -> Result<Box<RawValue>> {
     RawValue::from_string(serde_json::to_string_pretty(&extras)?.replace('\n', "\n    "))
 }
 
-/// What parts with the same material have in common.
+/// Key of a material: parts with the same one share it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct PartMaterial {
     is_backdrop: bool,
@@ -141,13 +141,13 @@ impl PartMaterial {
     }
 }
 
-/// The materials of the parts that are drawn, those of the backdrop last.
-fn painted(parts: &[ScenePart]) -> Vec<PartMaterial> {
+/// The materials of the drawn parts, the backdrop's last.
+fn part_materials(parts: &[ScenePart]) -> Vec<PartMaterial> {
     let drawn = parts.iter().filter(|part| part.kind != PartKind::Collision);
-    let mut painted: Vec<PartMaterial> = drawn.map(PartMaterial::of).collect();
-    painted.sort_unstable();
-    painted.dedup();
-    painted
+    let mut materials: Vec<PartMaterial> = drawn.map(PartMaterial::of).collect();
+    materials.sort_unstable();
+    materials.dedup();
+    materials
 }
 
 /// The material of some parts.
@@ -155,10 +155,12 @@ fn material(content: &GltfContent, of: &PartMaterial) -> Material {
     let name = &content.options.material_name;
     // Godot takes the end of a material's name as a hint.
     let (plain, hint) = name.split_at(name.rfind('-').unwrap_or(name.len()));
-    let plain = match (of.is_backdrop, of.single_sided) {
-        (true, _) => BACKDROP.to_owned(),
-        (false, true) => format!("{plain}{FRONT}"),
-        (false, false) => plain.to_owned(),
+    let plain = if of.is_backdrop {
+        BACKDROP.to_owned()
+    } else if of.single_sided {
+        format!("{plain}{FRONT}")
+    } else {
+        plain.to_owned()
     };
     let page = of.page;
     let number = if page == 0 { String::new() } else { format!("_{page}") };
@@ -187,7 +189,7 @@ fn material(content: &GltfContent, of: &PartMaterial) -> Material {
     }
 }
 
-/// Bytes of a buffer.
+/// A view of a range of bytes of a buffer.
 fn view(buffer: usize, start: u64, length: u64) -> View {
     View {
         buffer: index(buffer),
@@ -213,7 +215,7 @@ fn image(view: Index<View>, page: usize, format: TextureFormat) -> Image {
     }
 }
 
-/// With mip levels and without repetition.
+/// The sampler of all textures: with mip levels and without repetition.
 fn sampler() -> Sampler {
     Sampler {
         mag_filter: Some(Valid(MagFilter::Linear)),
@@ -250,8 +252,8 @@ fn node(mesh: usize, part: &ScenePart) -> Node {
     }
 }
 
-/// Whether there is something on all sides of the viewpoint. Outside of a thing a camera is no part
-/// of its file: editors that frame all of a file frame cameras too, and the thing becomes small.
+/// True when the scene surrounds the viewpoint. A camera outside of an object is not written: editors
+/// that frame all of a file frame cameras too, and the object becomes small.
 fn is_within(content: &GltfContent, viewpoint: &Viewpoint) -> bool {
     let eye = DVec3::from(viewpoint.eye).as_vec3();
     let around = bounds(content.parts.iter().flat_map(|part| part.bounds));
@@ -296,9 +298,9 @@ fn viewpoint_camera(viewpoint: &Viewpoint, content: &GltfContent) -> Camera {
 
 /// Name of the first viewpoint's node and camera.
 const VIEWPOINT: &str = "viewpoint";
-/// Its near plane as a share of the target's distance, and its far plane as a multiple of the
-/// farthest corner's.
+/// Near plane of the viewpoint's camera, as a share of the target's distance.
 const NEAR: f64 = 0.01;
+/// Far plane of the viewpoint's camera, as a multiple of the farthest corner's distance.
 const FAR: f64 = 2.0;
 
 /// The mesh of a part; its accessors are appended, one per buffer view.

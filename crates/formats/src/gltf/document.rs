@@ -167,7 +167,7 @@ pub(crate) struct Accessor {
     pub(crate) sparse: Option<Sparse>,
 }
 
-/// Elements that replace those of an accessor.
+/// Elements that replace elements of an accessor.
 #[derive(Debug, Deserialize)]
 pub(crate) struct Sparse {
     pub(crate) count: u64,
@@ -237,10 +237,20 @@ pub(crate) fn component_type(code: u32) -> Option<ComponentType> {
     })
 }
 
+/// Limit of the arrays of a document.
+#[derive(Clone, Copy)]
+struct ArrayLimit {
+    /// Maximum number of entries of an array.
+    max_entries: u64,
+    /// Length of the first array beyond the limit, as far as it was read.
+    exceeded: Option<u64>,
+}
+
 thread_local! {
-    /// Maximum number of entries of an array in the document being parsed, and the first larger number found.
-    /// They are thread-local, because serde passes no context to its functions.
-    static ENTRIES: Cell<(u64, Option<u64>)> = const { Cell::new((0, None)) };
+    /// Limit of the document being parsed; thread-local, because serde passes no context to its
+    /// functions.
+    static ARRAY_LIMIT: Cell<ArrayLimit> =
+        const { Cell::new(ArrayLimit { max_entries: 0, exceeded: None }) };
 }
 
 /// The document in `json`.
@@ -248,10 +258,10 @@ pub(crate) fn parse<T: DeserializeOwned>(path: &Path, json: &[u8], limits: &Limi
     // Some writers pad with zeros instead of spaces.
     let end = json.iter().rposition(|b| *b != 0).map_or(0, |last| last + 1);
     let json = json[..end].strip_prefix(BYTE_ORDER_MARK).unwrap_or(&json[..end]);
-    ENTRIES.set((limits.nodes, None));
+    ARRAY_LIMIT.set(ArrayLimit { max_entries: limits.nodes, exceeded: None });
     let parsed = serde_json::from_slice(json);
-    if let (_, Some(beyond)) = ENTRIES.get() {
-        limits.nodes(format_args!("{}: JSON", path.display()), beyond)?;
+    if let Some(entries) = ARRAY_LIMIT.get().exceeded {
+        limits.nodes(format_args!("{}: JSON", path.display()), entries)?;
     }
     parsed.map_err(|e| Error::malformed(path, "JSON", e.to_string()))
 }
@@ -264,7 +274,7 @@ pub(crate) fn entry<'a, T>(path: &Path, kind: &str, list: &'a [T], index: usize)
     })
 }
 
-/// An array of at most [`ENTRIES`] entries.
+/// An array within the [`ARRAY_LIMIT`].
 pub(crate) fn limited<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     deserializer: D,
 ) -> Result<Vec<T>, D::Error> {
@@ -277,11 +287,12 @@ pub(crate) fn limited<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
         }
 
         fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Vec<T>, A::Error> {
-            let (most, _) = ENTRIES.get();
+            let max_entries = ARRAY_LIMIT.get().max_entries;
             let mut entries = Vec::new();
             while let Some(entry) = seq.next_element()? {
-                if entries.len() as u64 == most {
-                    ENTRIES.set((most, Some(most + 1)));
+                if entries.len() as u64 == max_entries {
+                    let exceeded = Some(max_entries + 1);
+                    ARRAY_LIMIT.set(ArrayLimit { max_entries, exceeded });
                     return Err(A::Error::custom("too many entries"));
                 }
                 entries.push(entry);
@@ -316,7 +327,7 @@ pub(crate) fn instances(
     document: &GltfDocument,
     limits: &Limits,
 ) -> Result<Vec<MeshInstance>> {
-    let mut seen = vec![false; document.nodes.len()];
+    let mut visited = vec![false; document.nodes.len()];
     let mut instances = Vec::new();
     let mut stack: Vec<(usize, Option<DMat4>, u64)> =
         roots(path, document)?.into_iter().rev().map(|n| (n, None, 0)).collect();
@@ -324,13 +335,12 @@ pub(crate) fn instances(
         limits.nesting(format_args!("{}: node {index}", path.display()), depth)?;
         let place = || format!("node {index}");
         let node = entry(path, "node", &document.nodes, index)?;
-        if std::mem::replace(&mut seen[index], true) {
+        if std::mem::replace(&mut visited[index], true) {
             return Err(Error::malformed(path, place(), "has two parents or is its own ancestor"));
         }
         let transform = match (parent, local(node)) {
-            (None, local) => local,
-            (parent, None) => parent,
             (Some(parent), Some(local)) => Some(parent * local),
+            (parent, local) => parent.or(local),
         };
         if transform.is_some_and(|t| !t.is_finite()) {
             return Err(Error::malformed(path, place(), "has a transform that is not finite"));
@@ -399,12 +409,13 @@ fn local(node: &GltfNode) -> Option<DMat4> {
 
 /// A translation in single precision, as in engines; far from the origin in double precision.
 fn translation(written: [f64; 3]) -> DVec3 {
-    let (written, rounded) = (DVec3::from(written), DVec3::from(written).as_vec3());
+    let written = DVec3::from(written);
+    let rounded = written.as_vec3();
     if rounded.is_finite() && is_far(written) { written } else { rounded.as_dvec3() }
 }
 
 /// Moves all nodes so that `origin` becomes (0, 0, 0).
-pub(crate) fn take_off(instances: &mut [MeshInstance], origin: DVec3) {
+pub(crate) fn subtract_origin(instances: &mut [MeshInstance], origin: DVec3) {
     if origin == DVec3::ZERO {
         return;
     }
@@ -463,5 +474,6 @@ pub(crate) const GLB_BYTES: u64 = u32::MAX as u64;
 pub(crate) const MAX_GLB_CHUNKS: usize = 64;
 /// Permitted unpacked bytes for the smallest files.
 pub(crate) const FREE_UNPACKED_BYTES: u64 = 16 << 20;
-/// Maximum number of vertices for 16-bit indices: 65,535 itself means "restart" in many graphics APIs.
+/// Maximum number of vertices for 16-bit indices: 65,535 itself means "restart" in many graphics
+/// APIs.
 pub(crate) const MAX_SHORT_VERTICES: u64 = u16::MAX as u64;

@@ -177,7 +177,9 @@ fn faces<T: Copy, const N: usize>(
     let faces = part.faces.start + range.start / 3..part.faces.start + range.end / 3;
     for (triangle, &value) in out.chunks_exact_mut(3 * N).zip(&values[faces]) {
         let code = code(value);
-        triangle.chunks_exact_mut(N).for_each(|corner| corner.copy_from_slice(&code));
+        for corner in triangle.chunks_exact_mut(N) {
+            corner.copy_from_slice(&code);
+        }
     }
 }
 
@@ -197,7 +199,7 @@ fn vertices<T: Copy, const N: usize>(
                 code,
             );
         }
-        PartVertices::Picked(ids) => {
+        PartVertices::Listed(ids) => {
             cells(out, ids[range].iter().map(|&id| values[id as usize]), code)
         }
     }
@@ -240,7 +242,7 @@ const VERTEX_CODEC: i32 = 0;
 /// Failures of the encoder, with the remedy.
 pub(crate) fn compress(parts: &[ScenePart], options: &GltfOptions) -> Result<Vec<Vec<u8>>, String> {
     let streams: Vec<(&ScenePart, Stream)> = all_streams(parts).collect();
-    let written = parallel::map(streams, |_, (part, stream)| {
+    let compressed = parallel::map(streams, |_, (part, stream)| {
         let encoded = match stream {
             Stream::Indices => {
                 let corners = 3 * part.faces.start..3 * part.faces.end;
@@ -253,11 +255,11 @@ pub(crate) fn compress(parts: &[ScenePart], options: &GltfOptions) -> Result<Vec
         };
         match encoded {
             Ok(bytes) if !bytes.is_empty() => Ok(bytes),
-            Ok(_) => Err(refused(part, "no bytes came out")),
-            Err(e) => Err(refused(part, &e)),
+            Ok(_) => Err(encoder_error(part, "no bytes came out")),
+            Err(e) => Err(encoder_error(part, &e)),
         }
     });
-    written.into_iter().collect()
+    compressed.into_iter().collect()
 }
 
 fn encode_vertices(bytes: &[u8], stride: u64) -> Result<Vec<u8>, String> {
@@ -275,7 +277,7 @@ fn encode_vertices(bytes: &[u8], stride: u64) -> Result<Vec<u8>, String> {
     }
 }
 
-fn refused(part: &ScenePart, why: &str) -> String {
+fn encoder_error(part: &ScenePart, why: &str) -> String {
     format!("meshopt could not encode {}: {why}; write without compression", part.name)
 }
 
@@ -366,7 +368,7 @@ pub(crate) fn text(value: &impl Serialize, is_pretty: bool) -> serde_json::Resul
     Ok(bytes)
 }
 
-/// Another format but for far numbers.
+/// A format that writes far numbers with all their digits.
 struct Exact<F>(F);
 
 /// Forwards methods of [`Formatter`].

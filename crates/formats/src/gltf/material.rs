@@ -1,4 +1,4 @@
-//! Materials and textures of a document: what colours a surface, and how a picture lies on it.
+//! Materials and textures of a document: the colour of a surface, and the place of a picture on it.
 //!
 //! Of a material only its colour without lights and its sides are read. Faults in it cost no more
 //! than these.
@@ -31,13 +31,18 @@ pub(crate) struct GltfMaterial {
 /// Endings of material names for which Godot, and only Godot, reads vertex colours as sRGB.
 const SRGB_HINTS: [&str; 3] = ["-vcol", "$vcol", "_vcol"];
 
-/// A factor, and the picture that it multiplies.
-pub(crate) type Paint<'a> = ([f32; 4], Option<&'a GltfTextureInfo>);
+/// The colour of a surface without lights.
+pub(crate) struct Paint<'a> {
+    /// Linear RGB and alpha, which multiply the texture.
+    pub(crate) factor: [f32; 4],
+    pub(crate) texture: Option<&'a GltfTextureInfo>,
+    /// True when the surface also emits light, which is not read.
+    pub(crate) emits_more: bool,
+}
 
 impl GltfMaterial {
-    /// The colour of its surface, or its own light where that is black; and whether there is more
-    /// light, which is not read.
-    pub(crate) fn paint(&self) -> (Paint<'_>, bool) {
+    /// The colour of its surface, or its emitted light where that is black.
+    pub(crate) fn paint(&self) -> Paint<'_> {
         let base = match &self.extensions.specular_glossiness {
             Some(gloss) => gloss,
             None => &self.pbr_metallic_roughness,
@@ -48,9 +53,13 @@ impl GltfMaterial {
         let light = self.emissive_factor.unwrap_or_default().map(|x| (x * strength).min(1.0));
         let shines = light.iter().any(|x| *x > 0.0) && !self.extensions.unlit;
         if shines && [r, g, b] == [0.0; 3] {
-            (([light[0], light[1], light[2], alpha], self.emissive_texture.as_ref()), false)
+            Paint {
+                factor: [light[0], light[1], light[2], alpha],
+                texture: self.emissive_texture.as_ref(),
+                emits_more: false,
+            }
         } else {
-            (([r, g, b, alpha], base.texture.as_ref()), shines)
+            Paint { factor: [r, g, b, alpha], texture: base.texture.as_ref(), emits_more: shines }
         }
     }
 
@@ -226,7 +235,7 @@ pub(super) fn lenient<'de, D: Deserializer<'de>, T: DeserializeOwned>(
     Ok(serde_json::from_value(Value::deserialize(deserializer)?).ok())
 }
 
-/// Whether a field is there, whatever it holds.
+/// True for a field that is there, with any value.
 fn is_there<'de, D: Deserializer<'de>>(deserializer: D) -> Result<bool, D::Error> {
     IgnoredAny::deserialize(deserializer).map(|_| true)
 }

@@ -106,13 +106,13 @@ impl<'a> MergedMesh<'a> {
         if !far {
             return Ok(DVec3::ZERO);
         }
-        let mut wanted = sampled(vertices as usize).peekable();
+        let mut sampled_vertices = sampled(vertices as usize).peekable();
         let mut sample = Vec::new();
         let mut first = 0;
         for (transform, position, count) in meshes {
             let transform = transform.unwrap_or(DMat4::IDENTITY);
             self.accessors.for_each(position, 0.0, |i, p| {
-                if wanted.next_if_eq(&(first + i)).is_some() {
+                if sampled_vertices.next_if_eq(&(first + i)).is_some() {
                     sample.push(transform.transform_point3(DVec3::from(p)));
                 }
             })?;
@@ -185,7 +185,7 @@ impl<'a> MergedMesh<'a> {
             .truncate(base + if part.indices.is_some() { count } else { 3 * part.faces });
         let mirrored = transform.is_some_and(|t| t.determinant() < 0.0);
         if mirrored && let Some(indices) = &mut part.indices {
-            indices.chunks_exact_mut(3).for_each(|face| face.swap(1, 2));
+            reverse_winding(indices);
         }
         self.read_colors(primitive, place, &part, count)?;
         self.read_texture(primitive, place, &part, mirrored)?;
@@ -232,16 +232,16 @@ impl<'a> MergedMesh<'a> {
         base: usize,
         count: usize,
     ) -> Result<PrimitiveFaces> {
-        let listed = match primitive.indices {
+        let listed_indices = match primitive.indices {
             Some(accessor) => Some(self.read_indices(accessor, place, count)?),
             None if primitive.mode == TRIANGLES => None,
             None => Some((0..count as u32).collect()),
         };
-        let indices = match (listed, primitive.mode) {
-            (Some(strip), TRIANGLE_STRIP) => Some(strip_faces(&strip)),
-            (Some(fan), TRIANGLE_FAN) => Some(fan_faces(&fan)),
-            (listed, _) => listed,
-        };
+        let indices = listed_indices.map(|list| match primitive.mode {
+            TRIANGLE_STRIP => strip_faces(&list),
+            TRIANGLE_FAN => fan_faces(&list),
+            _ => list,
+        });
         let corners = indices.as_ref().map_or(count, Vec::len);
         if corners % 3 != 0 {
             self.warn(format!(
@@ -291,12 +291,13 @@ impl<'a> MergedMesh<'a> {
     ) -> Result<()> {
         let default = GltfMaterial::default();
         let material = self.material(primitive, place)?.unwrap_or(&default);
-        let (([factor @ .., alpha], picture), more) = material.paint();
-        if more {
+        let paint = material.paint();
+        let [factor @ .., alpha] = paint.factor;
+        if paint.emits_more {
             self.warn("light that materials emit is not added to their base colour");
         }
         let Some(accessor) = primitive.attributes.color else {
-            if picture.is_none() {
+            if paint.texture.is_none() {
                 self.warn("a primitive has no COLOR_0: it gets the base colour of its material");
             }
             self.push_colors(vec![[1.0; 3]; count], part, false, factor);
@@ -333,29 +334,36 @@ impl<'a> MergedMesh<'a> {
         mirrored: bool,
     ) -> Result<()> {
         let Some(material) = self.material(primitive, place)? else { return Ok(()) };
-        let ((_, Some(info)), _) = material.paint() else { return Ok(()) };
+        let Some(info) = material.paint().texture else { return Ok(()) };
         if !material.is_opaque() {
             self.warn(format!(
                 "{place}: the alpha of its picture is not read: its triangles are drawn whole"
             ));
         }
-        // Places of a list were reversed with its faces.
-        let turned = mirrored && part.indices.is_none();
+        // Coordinates of a list were reversed with its faces.
+        let reversed = mirrored && part.indices.is_none();
         let corner = |corner: usize| match &part.indices {
             Some(list) => list[corner] as usize,
-            None if turned => 3 * (corner / 3) + [0, 2, 1][corner % 3],
+            None if reversed => 3 * (corner / 3) + [0, 2, 1][corner % 3],
             None => corner,
         };
         let faces = self.faces..self.faces + part.faces;
-        let laid = (info, &primitive.attributes);
-        match accessor::painted_faces(self.document, &mut self.accessors, laid, faces, corner)? {
+        let attributes = &primitive.attributes;
+        match accessor::painted_faces(
+            self.document,
+            &mut self.accessors,
+            info,
+            attributes,
+            faces,
+            corner,
+        )? {
             Ok(painted) => self.painted.push(painted),
             Err(why) => self.warn(format!("{}: {place}: {why}", accessor::UNREAD)),
         }
         Ok(())
     }
 
-    /// The material of a primitive; none when it names none.
+    /// The material of a primitive; `None` when it names none.
     fn material(&self, primitive: &Primitive, place: &str) -> Result<Option<&'a GltfMaterial>> {
         let materials = &self.document.materials;
         let Some(index) = primitive.material else { return Ok(None) };
@@ -451,9 +459,9 @@ impl<'a> MergedMesh<'a> {
 
     /// Reverses the winding of a primitive's faces if its node mirrors it.
     fn mirror(&mut self, part: &PrimitiveFaces) {
-        self.mesh.positions[part.base..].chunks_exact_mut(3).for_each(|face| face.swap(1, 2));
+        reverse_winding(&mut self.mesh.positions[part.base..]);
         if !self.flat {
-            self.colors[part.base..].chunks_exact_mut(3).for_each(|face| face.swap(1, 2));
+            reverse_winding(&mut self.colors[part.base..]);
         }
     }
 
@@ -505,6 +513,13 @@ impl<'a> MergedMesh<'a> {
         );
         self.warnings.extend(painted);
         Ok((mesh, self.warnings))
+    }
+}
+
+/// Reverse the winding of faces, of three values each.
+fn reverse_winding<T>(corners: &mut [T]) {
+    for face in corners.chunks_exact_mut(3) {
+        face.swap(1, 2);
     }
 }
 

@@ -1,4 +1,4 @@
-//! How colours and positions are stored, and the other options of a glTF file.
+//! Options of a glTF file: storage of colours, positions and textures, names, lighting.
 
 use gltf_json::accessor::ComponentType;
 use schemars::JsonSchema;
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use trisplat_scene::Result;
 use trisplat_scene::image::RgbImage;
 
-/// How a vertex stores its colour: always four channels, alpha 1.
+/// Encoding of vertex colours: always four channels, alpha 1.
 ///
 /// glTF 2.0 says COLOR_0 is linear light. The two sRGB encodings break that rule on purpose, for
 /// Godot materials whose name ends in `-vcol`; every other viewer shows them washed out.
@@ -41,7 +41,7 @@ impl ColorEncoding {
     }
 }
 
-/// How a vertex stores its position.
+/// Encoding of vertex positions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum PositionEncoding {
@@ -54,7 +54,7 @@ pub enum PositionEncoding {
     ChunkU16,
 }
 
-/// How the picture of a texture is stored.
+/// File format of the picture of a texture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
@@ -90,7 +90,7 @@ impl TextureFormat {
     ///
     /// # Errors
     ///
-    /// What the encoder refuses.
+    /// Errors of the encoder.
     pub fn bytes(self, picture: &RgbImage) -> Result<Vec<u8>> {
         match self {
             Self::Png => picture.to_png(),
@@ -99,7 +99,7 @@ impl TextureFormat {
     }
 }
 
-/// What to write and how.
+/// Options of a written glTF file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GltfOptions {
     /// Storage of COLOR_0.
@@ -108,8 +108,8 @@ pub struct GltfOptions {
     pub positions: PositionEncoding,
     /// Compress with EXT_meshopt_compression (vertex codec version 0).
     pub meshopt: bool,
-    /// Name of the material of faces that are drawn from both sides, and the beginning of that of
-    /// the others; Godot reads hints from its ending.
+    /// Name of the material of faces that are drawn from both sides, and the beginning of the
+    /// names of all others; Godot reads hints from its ending.
     pub material_name: String,
     /// Name of the scene's node when it is a single one.
     pub node_name: String,

@@ -19,7 +19,7 @@ pub(crate) const BACKDROP: &str = "backdrop";
 /// End of the names of the material and of the node of faces that are drawn from their front only.
 pub(crate) const FRONT: &str = "_front";
 
-/// What a part is for.
+/// Purpose of a part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum PartKind {
     /// The scene, or a chunk of it.
@@ -40,7 +40,7 @@ pub(crate) struct ScenePart<'a> {
     pub(crate) faces: Range<usize>,
     /// The page of the texture that all of them are on.
     pub(crate) page: usize,
-    /// Whether all of them are drawn from their front only, or all from both sides.
+    /// True when all of them are drawn from their front only, false when all from both sides.
     pub(crate) single_sided: bool,
     pub(crate) vertices: PartVertices<'a>,
     /// True when faces share vertices and an index stream is written.
@@ -49,7 +49,7 @@ pub(crate) struct ScenePart<'a> {
     pub(crate) vertex_normals: Arc<Vec<Vec3>>,
     /// Texture coordinates of all vertices, if faces share vertices.
     pub(crate) vertex_uvs: Arc<Vec<Vec2>>,
-    /// Whether normals are written.
+    /// True when normals are written.
     pub(crate) lit: bool,
     /// Lowest and highest corner of the box around its vertices.
     pub(crate) bounds: [Vec3; 2],
@@ -62,10 +62,10 @@ pub(crate) struct ScenePart<'a> {
 /// The vertices of a part, in order.
 #[derive(Debug)]
 pub(crate) enum PartVertices<'a> {
-    /// Consecutive ones.
+    /// Consecutive vertices.
     Run(Range<usize>),
-    /// Those of these numbers.
-    Picked(Cow<'a, [u32]>),
+    /// Vertices by their numbers in the mesh.
+    Listed(Cow<'a, [u32]>),
 }
 
 /// One array of a part, in its own buffer view.
@@ -79,11 +79,11 @@ pub(crate) enum Stream {
 }
 
 impl PartVertices<'_> {
-    /// How many there are.
+    /// Number of vertices.
     pub(crate) fn len(&self) -> usize {
         match self {
             Self::Run(run) => run.len(),
-            Self::Picked(ids) => ids.len(),
+            Self::Listed(ids) => ids.len(),
         }
     }
 
@@ -91,7 +91,7 @@ impl PartVertices<'_> {
     fn id(&self, i: usize) -> usize {
         match self {
             Self::Run(run) => run.start + i,
-            Self::Picked(ids) => ids[i] as usize,
+            Self::Listed(ids) => ids[i] as usize,
         }
     }
 }
@@ -153,7 +153,7 @@ impl ScenePart<'_> {
     pub(crate) fn local(&self, vertex: u32) -> usize {
         match &self.vertices {
             PartVertices::Run(run) => vertex as usize - run.start,
-            PartVertices::Picked(ids) => ids.partition_point(|&id| id < vertex),
+            PartVertices::Listed(ids) => ids.partition_point(|&id| id < vertex),
         }
     }
 }
@@ -174,7 +174,7 @@ pub(crate) fn parts<'a>(
              give a scene with triangles or loosen the prune options",
         ));
     }
-    let named = named_ranges(asset, &options.node_name)?;
+    let ranges = named_ranges(asset, &options.node_name)?;
     let lit = options.lit && !mesh.normals.is_empty();
     let vertex_uvs =
         mesh.texture.as_ref().and_then(|t| t.of_vertices(&mesh.indices, mesh.vertex_count()));
@@ -186,9 +186,9 @@ pub(crate) fn parts<'a>(
         };
     let vertex_uvs = Arc::new(vertex_uvs.unwrap_or_default());
     let vertex_normals = Arc::new(if lit && shared { mesh.vertex_normals() } else { Vec::new() });
-    let drawn = |_, (kind, name, faces)| {
+    let make_part = |_, (kind, name, faces)| {
         let lit = lit && kind == PartKind::Scene;
-        let part = part(name, mesh, faces, (lit, shared), options)?;
+        let part = part(name, mesh, faces, lit, shared, options)?;
         Ok(ScenePart {
             kind,
             vertex_normals: vertex_normals.clone(),
@@ -197,8 +197,8 @@ pub(crate) fn parts<'a>(
         })
     };
     // Always returns the first of several errors, independent of threads.
-    let drawn: Vec<Result<ScenePart<'_>>> = parallel::map(named, drawn);
-    drawn.into_iter().chain(collision(asset, options)).collect()
+    let of_mesh: Vec<Result<ScenePart<'_>>> = parallel::map(ranges, make_part);
+    of_mesh.into_iter().chain(collision(asset, options)).collect()
 }
 
 /// The purpose, name and faces of every node; the collider has a mesh of its own.
@@ -209,13 +209,13 @@ fn named_ranges(asset: &Asset, node_name: &str) -> Result<Vec<(PartKind, String,
     let of_scene = ranges.iter().filter(|faces| faces.start < scene).count();
     let with_one_side = |faces: &&Range<usize>| asset.mesh.is_single_sided(faces.start);
     let fronts = ranges[..of_scene].iter().filter(with_one_side).count();
-    let both = of_scene - fronts;
+    let double_sided = of_scene - fronts;
     let named = |(i, faces): (usize, Range<usize>)| {
         let (kind, name) = if faces.start >= scene {
             (PartKind::Backdrop, backdrop_name(i - of_scene))
-        } else if fronts > 1 || both > 1 {
+        } else if fronts > 1 || double_sided > 1 {
             (PartKind::Scene, format!("chunk_{i:04}"))
-        } else if both == 1 && with_one_side(&&faces) {
+        } else if double_sided == 1 && with_one_side(&&faces) {
             (PartKind::Scene, format!("{node_name}{FRONT}"))
         } else {
             (PartKind::Scene, node_name.to_owned())
@@ -230,7 +230,7 @@ fn backdrop_name(number: usize) -> String {
     if number == 0 { BACKDROP.to_owned() } else { format!("{BACKDROP}_{number}") }
 }
 
-/// Whether a node of this name is of the backdrop.
+/// True for the name of a backdrop's node.
 pub(crate) fn is_backdrop(name: &str) -> bool {
     let rest = name.strip_prefix(BACKDROP);
     rest.is_some_and(|rest| {
@@ -279,7 +279,7 @@ fn collision<'a>(asset: &'a Asset, options: &GltfOptions) -> Option<Result<Scene
     let whole = || {
         mesh.validate_shape()?;
         let shared = !mesh.indices.is_empty();
-        let part = part(name, mesh, 0..mesh.face_count(), (false, shared), options)?;
+        let part = part(name, mesh, 0..mesh.face_count(), false, shared, options)?;
         Ok(ScenePart { kind: PartKind::Collision, ..part })
     };
     (mesh.face_count() > 0).then(whole)
@@ -289,16 +289,17 @@ fn part<'a>(
     name: String,
     mesh: &'a Mesh,
     faces: Range<usize>,
-    (lit, indexed): (bool, bool),
+    lit: bool,
+    indexed: bool,
     options: &GltfOptions,
 ) -> Result<ScenePart<'a>> {
     let corners = 3 * faces.start..3 * faces.end;
     let vertices = if mesh.indices.is_empty() {
         PartVertices::Run(corners)
     } else if indexed {
-        used(&mesh.indices[corners])
+        used_vertices(&mesh.indices[corners])
     } else {
-        PartVertices::Picked(Cow::Borrowed(&mesh.indices[corners]))
+        PartVertices::Listed(Cow::Borrowed(&mesh.indices[corners]))
     };
     let bounds = bounds(mesh, &vertices);
     if !bounds.iter().all(|corner| corner.is_finite()) {
@@ -359,7 +360,7 @@ fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
 }
 
 /// The vertices that some faces use, each once, in the order of the mesh.
-fn used<'a>(indices: &[u32]) -> PartVertices<'a> {
+fn used_vertices<'a>(indices: &[u32]) -> PartVertices<'a> {
     let mut ids = indices.to_vec();
     ids.sort_unstable();
     ids.dedup();
@@ -371,7 +372,7 @@ fn used<'a>(indices: &[u32]) -> PartVertices<'a> {
     };
     match whole_run {
         Some(run) => PartVertices::Run(run.start as usize..run.end as usize),
-        None => PartVertices::Picked(Cow::Owned(ids)),
+        None => PartVertices::Listed(Cow::Owned(ids)),
     }
 }
 
@@ -388,7 +389,7 @@ fn bounds(mesh: &Mesh, vertices: &PartVertices) -> [Vec3; 2] {
     bounds.map(|corner| corner + Vec3::ZERO)
 }
 
-/// The faces of each chunk that has any; the chunks must hold every face once and in order. Those
+/// The faces of each chunk that has any; the chunks must hold every face once and in order. Faces
 /// from `scene` on are the backdrop, and no chunk holds faces of both.
 fn face_ranges(chunks: &[Chunk], faces: usize, scene: usize) -> Result<Vec<Range<usize>>> {
     if chunks.is_empty() {
@@ -432,7 +433,7 @@ pub(crate) fn all_streams<'a, 'b>(
 
 // ---- The 16-bit grid of one chunk, and its loss -------------------------------------------------
 
-/// The largest code.
+/// Number of steps of the grid along an axis: the largest code.
 const STEPS: f64 = u16::MAX as f64;
 
 /// From codes to positions: the scale and translation of a chunk's node.
@@ -446,7 +447,7 @@ pub(crate) struct PositionGrid {
     density: DVec3,
 }
 
-/// What quantisation costs.
+/// Error that quantisation causes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct QuantizationLoss {
     /// Largest distance between a vertex and its place in an engine, in file units.
@@ -502,17 +503,16 @@ impl PositionGrid {
 }
 
 impl QuantizationLoss {
-    /// Largest permitted error of a grid, as a share of the median triangle's size (the root of its
-    /// area).
-    const OF_DETAIL: f64 = 1.0 / 16.0;
-    /// One triangle in this many may be flattened.
-    const ONE_IN: u64 = 200;
+    /// Maximum error of a grid, as a share of the median triangle's size (the root of its area).
+    const MAX_ERROR_SHARE: f64 = 1.0 / 16.0;
+    /// Minimum number of triangles per flattened one.
+    const MIN_FACES_PER_COLLAPSED: u64 = 200;
 
-    /// Whether the loss is acceptable for a chunk of this many faces with the median size `detail`.
+    /// True when the loss is acceptable for a chunk of this many faces with the median size `detail`.
     /// If not, for example because one huge triangle stretches the grid, positions stay floats.
     pub(crate) fn is_allowed(&self, faces: usize, detail: f64) -> bool {
-        f64::from(self.worst) <= Self::OF_DETAIL * detail
-            && self.collapsed * Self::ONE_IN <= faces as u64
+        f64::from(self.worst) <= Self::MAX_ERROR_SHARE * detail
+            && self.collapsed * Self::MIN_FACES_PER_COLLAPSED <= faces as u64
     }
 
     /// The combined loss of two sets of triangles.

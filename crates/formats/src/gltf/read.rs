@@ -8,7 +8,7 @@ use super::buffers::Buffers;
 use super::container::ContainerFile;
 use super::document::{
     self, GltfDocument, GltfMesh, INSTANCING, MeshInstance, Primitive, instances, is_readable,
-    take_off,
+    subtract_origin,
 };
 use super::merge::MergedMesh;
 use super::{compose, part};
@@ -60,7 +60,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
         }
     }
     let origin = merged.reserve(&instances)?;
-    take_off(&mut instances, origin);
+    subtract_origin(&mut instances, origin);
     // The backdrop comes last, even if another program has moved it.
     let is_backdrop =
         |i: &&MeshInstance| document.nodes[i.node].name.as_deref().is_some_and(part::is_backdrop);
@@ -201,9 +201,9 @@ pub(crate) fn check_support(path: &Path, document: &GltfDocument) -> Result<()> 
     }
 }
 
-// ---- What a document counts and asks for --------------------------------------------------------
+// ---- Counts and extensions of a document --------------------------------------------------------
 
-/// What a glTF document holds.
+/// Content of a glTF document.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct GltfInfo {
     /// The program that wrote it.
@@ -222,11 +222,11 @@ pub struct GltfInfo {
     pub materials: u64,
 }
 
-/// What the document of an open file counts and asks for.
+/// Counts and extensions of the document of an open file.
 ///
 /// # Errors
 ///
-/// A broken container or document; those of the operating system.
+/// A broken container or document; errors of the operating system.
 pub(crate) fn gltf_info(mut source: Source, limits: &Limits) -> Result<GltfInfo> {
     let container = ContainerFile::read(&mut source, limits)?;
     let document: GltfDocument = document::parse(&source.path, &container.json, limits)?;

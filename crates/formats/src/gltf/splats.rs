@@ -22,8 +22,8 @@ use trisplat_scene::{Error, ImportedSplats, Limits, Result, Splats, input};
 
 /// The supported colour space.
 const COLORS: &str = "srgb_rec709_display";
-/// How much the axes of a node may differ in length, as a share.
-const UNEVEN: f64 = 1e-3;
+/// Maximum difference of the lengths of a node's axes, as a share.
+const MAX_AXIS_DIFFERENCE: f64 = 1e-3;
 
 /// The primitives of a document, as far as Gaussians are concerned.
 #[derive(Deserialize)]
@@ -67,13 +67,13 @@ struct Packing {
     buffer_view: Option<usize>,
 }
 
-/// Whether an open glTF file holds Gaussians and no triangles. It is back at byte 0 afterwards; a
-/// broken one holds none.
+/// True when an open glTF file holds Gaussians and no triangles; false for a broken one. The file is
+/// back at byte 0 afterwards.
 pub fn holds_splats(source: &mut Source, limits: &Limits) -> Result<bool> {
     let container = ContainerFile::read(source, limits);
     source.rewind()?;
     let Ok(container) = container else { return Ok(false) };
-    // Few files name it, so few are parsed twice.
+    // Few files name the extension, so few are parsed twice.
     if !container.json.windows(GLTF_EXTENSION.len()).any(|text| text == GLTF_EXTENSION.as_bytes()) {
         return Ok(false);
     }
@@ -181,8 +181,10 @@ impl Reader<'_> {
         let transform = instance.transform.unwrap_or(DMat4::IDENTITY);
         let axes = DMat3::from_mat4(transform);
         let size = axes.determinant().cbrt();
-        let is_even = (axes.transpose() * axes)
-            .abs_diff_eq(DMat3::from_diagonal(DVec3::splat(size * size)), UNEVEN * size * size);
+        let is_even = (axes.transpose() * axes).abs_diff_eq(
+            DMat3::from_diagonal(DVec3::splat(size * size)),
+            MAX_AXIS_DIFFERENCE * size * size,
+        );
         if !(size > 0.0 && is_even) {
             let what = format!(
                 "node {} mirrors it or scales its axes differently; apply the scale before the export",

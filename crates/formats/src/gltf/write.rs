@@ -11,7 +11,7 @@ use std::io::Write;
 use std::path::Path;
 use trisplat_scene::{Asset, Error, Result};
 
-/// What was written.
+/// Sizes and losses of a written glTF file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct WrittenGltf {
     /// Size in bytes: the GLB, or the .gltf and its .bin together.

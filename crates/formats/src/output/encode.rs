@@ -22,7 +22,7 @@ const NO_SIDES: &str = "this file does not say from which sides triangles are dr
 ///
 /// # Errors
 ///
-/// Those of the format and of the operating system; then every name keeps its old file.
+/// Errors of the format and of the operating system; then every name keeps its old file.
 pub fn write(
     asset: &Asset,
     output: &Output,
@@ -109,21 +109,21 @@ impl SetWriter<'_> {
         output: &Output,
         details: &mut WriteDetails,
     ) -> Result<Vec<String>> {
-        let mut warnings;
         let mut quiet = WriteDetails::default();
-        match output.backdrop.as_deref().and_then(|beside| Some((beside, asset.split_backdrop()?)))
+        let mut warnings = if let Some(beside) = output.backdrop.as_deref()
+            && let Some((scene, backdrop)) = asset.split_backdrop()
         {
-            Some((beside, (scene, backdrop))) => {
-                warnings = self.one(&scene, output, details)?;
-                warnings.extend(self.one(&backdrop, beside, &mut quiet)?);
-            }
-            None => warnings = self.one(asset, output, details)?,
-        }
+            let mut warnings = self.one(&scene, output, details)?;
+            warnings.extend(self.one(&backdrop, beside, &mut quiet)?);
+            warnings
+        } else {
+            self.one(asset, output, details)?
+        };
         if let (Some(path), Some(sky)) = (&output.sky, asset.sky()) {
             self.bytes(path, &self.options.texture_format.bytes(sky)?)?;
         }
         if let (Some(beside), Some(mesh)) = (&output.collision, &asset.collision) {
-            // Nobody looks at it.
+            // A collider is not viewed.
             let provenance =
                 Provenance { backdrop_faces: 0, ..asset.provenance.clone().without_views() };
             let collision = Asset { provenance, ..Asset::from(mesh.clone()) };
@@ -199,7 +199,7 @@ impl Output {
         let io = |e| Error::io(path, e);
         let name = self.second.as_deref().map(name_of).unwrap_or_default();
         let sky = asset.sky().and(self.sky.as_deref()).map(name_of);
-        let named = |encoding| GltfOptions {
+        let with_names = |encoding| GltfOptions {
             node_name: self.node.to_owned(),
             sky_name: sky.clone(),
             ..encoding
@@ -226,7 +226,7 @@ impl Output {
             }
             (OutputFormat::Usdz, _) => return encode_usdz(main, asset, options),
             (OutputFormat::Gltf, Some(bin)) => {
-                let encoding = named(options.encoding(details));
+                let encoding = with_names(options.encoding(details));
                 gltf::write_gltf(main, bin, &name, path, asset, &encoding)?
             }
             (OutputFormat::Html, _) => {
@@ -243,7 +243,7 @@ impl Output {
                 html::write(main, path, &title.to_string_lossy(), asset, sky, &encoding)?
             }
             _ => {
-                let encoding = named(options.encoding(details));
+                let encoding = with_names(options.encoding(details));
                 gltf::write_glb(main, path, asset, &encoding)?
             }
         };
@@ -265,8 +265,8 @@ fn encode_usdz(
     asset: &Asset,
     options: &OutputOptions,
 ) -> Result<Vec<String>> {
-    let apart = asset.split_backdrop();
-    let scene = apart.as_ref().map_or(asset, |(scene, _)| scene);
+    let parts = asset.split_backdrop();
+    let scene = parts.as_ref().map_or(asset, |(scene, _)| scene);
     let format = options.texture_format;
     let texture = scene.mesh.texture.as_ref();
     let bytes =
@@ -276,7 +276,7 @@ fn encode_usdz(
     usdz::write(main, picture, scene).map_err(|e| Error::io(main.path(), e))?;
     let plain = "USDZ: phones show pictures and no colours of triangles: give `texture`, even where colours are closer to the photos, or use `trisplat mesh --texture`";
     let room = "USDZ: the backdrop is left out, because a phone shows the room around the scene";
-    let notes = [(picture.is_none(), plain), (apart.is_some(), room)];
+    let notes = [(picture.is_none(), plain), (parts.is_some(), room)];
     Ok(notes.into_iter().filter(|(holds, _)| *holds).map(|(_, note)| note.to_owned()).collect())
 }
 

@@ -11,7 +11,7 @@ const LONGEST: u64 = 1 << 20;
 /// Elements in a file, or properties in an element.
 const MAX_ELEMENTS: usize = 1024;
 
-/// How the body is written.
+/// Encoding of the body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,

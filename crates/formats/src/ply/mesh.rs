@@ -3,7 +3,7 @@
 use super::header::{Column, Scalar};
 use super::table::{self, PlyTable};
 use crate::ReadOptions;
-use crate::faces::{Clamped, Triangles, mean};
+use crate::faces::{ClampCounter, Triangles, mean};
 use crate::lines::{to_comment, write_blocks};
 use crate::mtl::{OVER_COLORS, has_colors, picture};
 use glam::{DVec3, Vec2, Vec3};
@@ -28,14 +28,15 @@ pub(super) fn read(
     warnings: &mut Vec<String>,
 ) -> Result<Mesh> {
     let limits = &options.limits;
-    let channels = (Channels::of(vertices)?, Channels::of(faces)?);
-    let read = faces.faces(vertices.rows, limits)?;
+    let of_vertices = Channels::of(vertices)?;
+    let of_faces = Channels::of(faces)?;
+    let polygons = faces.faces(vertices.rows, limits)?;
     let mut positions = limits.zeroed::<Vec3>(vertices.path.display(), vertices.rows)?;
     vertices.read_positions(origin, &mut positions)?;
-    let triangles = read.triangulate(&positions);
+    let triangles = polygons.triangulate(&positions);
     let painted = pictures(vertices, faces, &triangles, comments, options, warnings)?;
     let mut mesh = Mesh { positions, ..Mesh::default() };
-    match channels {
+    match (of_vertices, of_faces) {
         (Some(of_vertices), of_faces) => {
             if of_faces.is_some() {
                 warnings.push(
@@ -46,8 +47,8 @@ pub(super) fn read(
             mesh.colors = Colors::Vertex(colors);
             mesh.indices = triangles.into_indices(mesh.positions.len());
             if !alpha.is_empty() {
-                let most = |face| most(mesh.face(face).map(|v| alpha[v as usize]));
-                mesh.opacity = parallel::collect(mesh.face_count(), GRAIN, most);
+                let of_face = |face| largest(mesh.face(face).map(|v| alpha[v as usize]));
+                mesh.opacity = parallel::collect(mesh.face_count(), GRAIN, of_face);
             }
         }
         (None, Some(of_faces)) => {
@@ -72,16 +73,16 @@ pub(super) fn read(
     Ok(mesh)
 }
 
-/// The largest of three; NaN when one is NaN. Scanners leave corners without alpha on faces that
-/// are whole.
-fn most(alpha: [f32; 3]) -> f32 {
+/// The largest of three values; NaN when one is NaN. Scanners leave corners without alpha on opaque
+/// faces.
+fn largest(alpha: [f32; 3]) -> f32 {
     if alpha.iter().any(|a| a.is_nan()) { f32::NAN } else { alpha[0].max(alpha[1]).max(alpha[2]) }
 }
 
 type Textures = BTreeMap<usize, Option<Arc<Texture>>>;
 
-/// The faces on the pictures of `comment TextureFile`, and those that could be read; none without
-/// any.
+/// The faces on the pictures of `comment TextureFile`, and the pictures that could be read; `None`
+/// without any.
 fn pictures(
     vertices: &PlyTable,
     faces: &PlyTable,
@@ -100,11 +101,13 @@ fn pictures(
     }
     let face_of = triangles.repeat((0..faces.rows as u32).collect());
     let corners = triangles.indices.as_chunks::<3>().0;
-    let mut uvs = faces.placed_corners(vertices.rows, &options.limits)?.of(corners, &face_of);
+    let mut uvs = faces.corner_uvs(vertices.rows, &options.limits)?.of(corners, &face_of);
     let columns =
         [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texcoord_u", "texcoord_v"]];
     let columns = columns.into_iter().find_map(|[u, v]| vertices.find(u).zip(vertices.find(v)));
-    if let (true, Some((u, v))) = (uvs.is_empty(), columns) {
+    if uvs.is_empty()
+        && let Some((u, v)) = columns
+    {
         let mut places = Vec::with_capacity(vertices.rows);
         vertices.each_row(|_, row| {
             places.push(Vec2::new(u.f32(row), 1.0 - v.f32(row)));
@@ -190,8 +193,10 @@ impl Channels {
         let parts = colors.chunks_mut(step).zip(alpha.chunks_mut(step));
         let blocks =
             table.blocks(parts, |_, rows, (colors, alpha)| Ok(self.decode(rows, colors, alpha)))?;
-        let mut clamped = Clamped::default();
-        blocks.into_iter().for_each(|block| clamped.merge(block));
+        let mut clamped = ClampCounter::default();
+        for block in blocks {
+            clamped.merge(block);
+        }
         clamped.report(table.path, warnings)?;
         if alpha.iter().all(|a| *a == 0.0) && table.rows > 0 && self.alpha.is_some() {
             warnings.push("alpha is 0 everywhere, which is no opacity: it is not read".to_owned());
@@ -202,9 +207,14 @@ impl Channels {
         Ok((colors, alpha))
     }
 
-    fn decode(&self, rows: ChunksExact<u8>, colors: &mut [[f32; 3]], alpha: &mut [f32]) -> Clamped {
+    fn decode(
+        &self,
+        rows: ChunksExact<u8>,
+        colors: &mut [[f32; 3]],
+        alpha: &mut [f32],
+    ) -> ClampCounter {
         let codes = linear_of_srgb8();
-        let mut clamped = Clamped::default();
+        let mut clamped = ClampCounter::default();
         for ((row, color), alpha) in rows.zip(colors).zip(alpha) {
             *color = self.rgb.map(|column| match column.scalar {
                 Scalar::U8 => codes[row[column.offset] as usize],
@@ -217,7 +227,7 @@ impl Channels {
 }
 
 /// A channel of the file in [0, 1], still encoded; NaN when it is not finite.
-fn channel(column: Column, row: &[u8], clamped: &mut Clamped) -> f32 {
+fn channel(column: Column, row: &[u8], clamped: &mut ClampCounter) -> f32 {
     match column.scalar {
         Scalar::U8 => column.f32(row) / 255.0,
         Scalar::U16 => column.f32(row) / 65535.0,
@@ -230,13 +240,16 @@ fn channel(column: Column, row: &[u8], clamped: &mut Clamped) -> f32 {
 /// By default the colours are at the vertices, which every reader understands; with colour or
 /// opacity per face, each triangle gets three vertices of its own. With `face_colors` they are at
 /// the faces, vertices stay shared, and a face with different corner colours gets their linear
-/// mean. The faces of a backdrop are the last; `backdrop` in the comment counts them. Errors are
-/// those of `out`, and `InvalidInput` above 2,147,483,647 vertices.
+/// mean. The faces of a backdrop are the last; `backdrop` in the comment counts them.
+///
+/// # Errors
+///
+/// Errors of `out`, and `InvalidInput` above 2,147,483,647 vertices.
 pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::Result<()> {
     let mesh = &asset.mesh;
-    let own = mesh.indices.is_empty()
+    let unshared = mesh.indices.is_empty()
         || !face_colors && (matches!(mesh.colors, Colors::Face(_)) || !mesh.opacity.is_empty());
-    let vertices = if own { 3 * mesh.face_count() } else { mesh.vertex_count() };
+    let vertices = if unshared { 3 * mesh.face_count() } else { mesh.vertex_count() };
     if vertices > i32::MAX as usize {
         return Err(io::Error::new(
             io::ErrorKind::InvalidInput,
@@ -257,9 +270,10 @@ pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::
     header += if face_colors { channels } else { "" };
     header += "end_header\n";
     out.write_all(header.as_bytes())?;
-    write_vertices(out, mesh, own, face_colors)?;
+    write_vertices(out, mesh, unshared, face_colors)?;
     write_blocks(out, mesh.face_count(), |face, block| {
-        let corners = if own { [0, 1, 2].map(|i| 3 * face as u32 + i) } else { mesh.face(face) };
+        let corners =
+            if unshared { [0, 1, 2].map(|i| 3 * face as u32 + i) } else { mesh.face(face) };
         table::push_corners(block, corners);
         if face_colors {
             block.extend_from_slice(&rgba(mean(mesh.corner_colors(face)), opacity(mesh, face)));
@@ -272,16 +286,18 @@ const NORMAL: &str = "property float nx\nproperty float ny\nproperty float nz\n"
 fn write_vertices(
     out: &mut dyn Write,
     mesh: &Mesh,
-    own: bool,
+    unshared: bool,
     face_colors: bool,
 ) -> io::Result<()> {
-    if own {
+    if unshared {
         return write_blocks(out, mesh.face_count(), |face, block| {
             let colors = mesh.corner_colors(face);
             let opacity = opacity(mesh, face);
             for (corner, color) in mesh.corners(face).into_iter().zip(colors) {
                 push_vector(block, corner);
-                mesh.normals.get(face).iter().for_each(|normal| push_vector(block, **normal));
+                if let Some(normal) = mesh.normals.get(face) {
+                    push_vector(block, *normal);
+                }
                 if !face_colors {
                     block.extend_from_slice(&rgba(color, opacity));
                 }
@@ -291,8 +307,12 @@ fn write_vertices(
     let normals = mesh.vertex_normals();
     write_blocks(out, mesh.vertex_count(), |v, block| {
         push_vector(block, mesh.positions[v]);
-        normals.get(v).iter().for_each(|normal| push_vector(block, **normal));
-        if let (Colors::Vertex(colors), false) = (&mesh.colors, face_colors) {
+        if let Some(normal) = normals.get(v) {
+            push_vector(block, *normal);
+        }
+        if let Colors::Vertex(colors) = &mesh.colors
+            && !face_colors
+        {
             block.extend_from_slice(&rgba(colors[v], 1.0));
         }
     })

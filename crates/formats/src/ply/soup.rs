@@ -52,8 +52,9 @@ pub(super) fn read(
             for (i, row) in rows.enumerate() {
                 opacities[i] = opacity.f32(row);
                 sigmas[i] = sigma.f32(row);
-                let sh = sh[i * k..].iter_mut().zip(&columns);
-                sh.for_each(|(out, columns)| *out = columns.map(|column| column.f32(row)));
+                for (out, columns) in sh[i * k..].iter_mut().zip(&columns) {
+                    *out = columns.map(|column| column.f32(row));
+                }
             }
             Ok(())
         },
@@ -83,10 +84,12 @@ pub(super) fn read(
 }
 
 /// Writes a soup PLY: binary little-endian, three separate vertices per triangle. `cameras` are
-/// those of its photos, in its frame; the list may be empty.
+/// the cameras of its photos, in its frame; the list may be empty. It neither flushes nor renames.
 ///
-/// Errors are those of `out`, and `InvalidInput` above 715,827,882 triangles, where PLY's `int`
-/// corner numbers end. It neither flushes nor renames.
+/// # Errors
+///
+/// Errors of `out`, and `InvalidInput` above 715,827,882 triangles, where PLY's `int` corner numbers
+/// end.
 pub fn write_soup(
     out: &mut dyn Write,
     soup: &Soup,
@@ -105,7 +108,7 @@ pub fn write_soup(
 /// of each, then the rest of each.
 pub struct SoupWriter<'a> {
     out: &'a mut dyn Write,
-    /// Triangles that are to come.
+    /// Number of triangles whose corners are not written yet.
     corners_left: usize,
     /// Number of completely written triangles.
     written: usize,
@@ -145,7 +148,7 @@ impl<'a> SoupWriter<'a> {
     ///
     /// As for [`write_soup`]; more triangles than were announced.
     pub fn vertices(&mut self, soup: &Soup) -> io::Result<()> {
-        self.corners_left = self.corners_left.checked_sub(soup.len()).ok_or_else(other_count)?;
+        self.corners_left = self.corners_left.checked_sub(soup.len()).ok_or_else(wrong_count)?;
         table::write_floats(self.out, bytemuck::cast_slice(&soup.vertices))
     }
 
@@ -158,7 +161,7 @@ impl<'a> SoupWriter<'a> {
         let fits = self.written + soup.len() <= self.count
             && (soup.sh_degree == self.sh_degree || soup.is_empty());
         if self.corners_left > 0 || !fits {
-            return Err(other_count());
+            return Err(wrong_count());
         }
         let k = soup.sh_count();
         let first = self.written;
@@ -185,13 +188,13 @@ impl<'a> SoupWriter<'a> {
     /// As for [`write_soup`]; fewer triangles than were announced.
     pub fn end(self, cameras: &[Camera]) -> io::Result<()> {
         if self.written < self.count {
-            return Err(other_count());
+            return Err(wrong_count());
         }
         write_views(self.out, cameras)
     }
 }
 
-fn other_count() -> io::Error {
+fn wrong_count() -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, "other triangles than were announced")
 }
 
@@ -227,27 +230,32 @@ fn header(
 // ---- The element `view` of a soup PLY: the cameras of its photos --------------------------------
 
 const VIEW: &str = "view";
-/// R by rows, t, focal lengths and principal point; then the size, as integers.
+/// R by rows, t, focal lengths and principal point.
 const FLOATS: [&str; 16] = [
     "r00", "r01", "r02", "r10", "r11", "r12", "r20", "r21", "r22", "tx", "ty", "tz", "fx", "fy",
     "cx", "cy",
 ];
-const WHOLE: [&str; 2] = ["width", "height"];
+/// The size of the picture, px.
+const INTEGERS: [&str; 2] = ["width", "height"];
 
 /// The name of the element, empty unless it exists with all properties of a camera.
 pub(super) fn view_name(header: &PlyHeader) -> &'static str {
-    let element = header.element(VIEW).filter(|e| FLOATS.iter().chain(&WHOLE).all(|p| e.has(p)));
+    let element = header.element(VIEW).filter(|e| FLOATS.iter().chain(&INTEGERS).all(|p| e.has(p)));
     element.map_or("", |_| VIEW)
 }
 
-/// The element's lines in the header; none without cameras.
+/// The element's lines in the header; empty without cameras.
 fn view_header(cameras: &[Camera]) -> String {
     if cameras.is_empty() {
         return String::new();
     }
     let mut header = format!("element {VIEW} {}\n", cameras.len());
-    FLOATS.iter().for_each(|name| header += &format!("property float {name}\n"));
-    WHOLE.iter().for_each(|name| header += &format!("property uint {name}\n"));
+    for name in FLOATS {
+        header += &format!("property float {name}\n");
+    }
+    for name in INTEGERS {
+        header += &format!("property uint {name}\n");
+    }
     header
 }
 
@@ -258,15 +266,19 @@ fn write_views(out: &mut dyn Write, cameras: &[Camera]) -> io::Result<()> {
         let rows = rotation.transpose().to_cols_array();
         let rest =
             translation.to_array().into_iter().chain(focal.to_array()).chain(center.to_array());
-        rows.into_iter().chain(rest).for_each(|x| block.extend_from_slice(&x.to_le_bytes()));
-        size.to_array().into_iter().for_each(|n| block.extend_from_slice(&n.to_le_bytes()));
+        for number in rows.into_iter().chain(rest) {
+            block.extend_from_slice(&number.to_le_bytes());
+        }
+        for side in size.to_array() {
+            block.extend_from_slice(&side.to_le_bytes());
+        }
     })
 }
 
 /// The cameras. An error names the first row that is invalid, or whose pictures are too large.
 pub(super) fn read_views(table: &PlyTable, limits: &Limits) -> Result<Vec<Camera>> {
     let floats = table.columns(FLOATS)?;
-    let whole = table.columns(WHOLE)?;
+    let integers = table.columns(INTEGERS)?;
     let mut cameras = Vec::new();
     table.each_row(|i, row| {
         let [rotation @ .., tx, ty, tz, fx, fy, cx, cy] =
@@ -276,7 +288,7 @@ pub(super) fn read_views(table: &PlyTable, limits: &Limits) -> Result<Vec<Camera
             translation: Vec3::new(tx, ty, tz),
             focal: Vec2::new(fx, fy),
             center: Vec2::new(cx, cy),
-            size: UVec2::from(whole.map(|column| u32::try_from(column.int(row)).unwrap_or(0))),
+            size: UVec2::from(integers.map(|column| u32::try_from(column.int(row)).unwrap_or(0))),
         };
         limits.camera(format!("{}: {VIEW} {i}", table.path.display()), camera.size)?;
         let turns = (camera.rotation.determinant() - 1.0).abs() < 0.01;

@@ -9,7 +9,7 @@ use std::f64::consts::SQRT_2;
 use trisplat_scene::math::lists::median;
 use trisplat_scene::{Error, Result, ScreenFilter, Splats};
 
-/// Whether these vertices are Gaussians.
+/// True when these vertices are Gaussians.
 pub(super) fn are_in(vertices: &Element) -> bool {
     ["scale_0", "rot_0", "packed_position"].iter().any(|p| vertices.has(p))
 }
@@ -30,14 +30,15 @@ pub(super) fn read(
     columns.read(&vertices, &mut splats)?;
     columns.are_lengths = are_lengths(&splats);
     columns.are_shares = are_shares(&splats);
-    let found = [
+    let dialects = [
         (columns.are_lengths, "its scales are lengths, not logarithms"),
         (columns.are_shares, "its opacities are shares, not logits"),
     ];
-    let found: Vec<&str> = found.into_iter().filter_map(|(is, what)| is.then_some(what)).collect();
-    if !found.is_empty() {
+    let dialects: Vec<&str> =
+        dialects.into_iter().filter_map(|(is, text)| is.then_some(text)).collect();
+    if !dialects.is_empty() {
         columns.read(&vertices, &mut splats)?;
-        warnings.push(format!("{}: read as such; trainers write the others", found.join(", ")));
+        warnings.push(format!("{}: read as such; trainers write the others", dialects.join(", ")));
     }
     if columns.filter.is_some() {
         splats.filter = ScreenFilter::MIP;
@@ -115,10 +116,9 @@ impl Columns {
     fn shape(&self, row: &[u8]) -> (Vec3, Quat, f32) {
         let mut scales = [0.0; 3];
         let length = |scale: f64| if self.are_lengths { scale } else { scale.exp() };
-        scales
-            .iter_mut()
-            .zip(&self.scales)
-            .for_each(|(scale, column)| *scale = length(column.f64(row)));
+        for (scale, column) in scales.iter_mut().zip(&self.scales) {
+            *scale = length(column.f64(row));
+        }
         let opacity = self.opacity.f64(row);
         let mut opacity = if self.are_shares { opacity } else { 1.0 / (1.0 + (-opacity).exp()) };
         if let Some(filter) = self.filter {
@@ -135,16 +135,16 @@ impl Columns {
 
 // ---- Dialects: some programs write the numbers that are drawn, lengths and shares ---------------
 
-/// Fewer Gaussians do not tell dialects apart.
+/// Minimum number of Gaussians from which a dialect is recognised.
 const MIN_GAUSSIANS: usize = 16;
-/// No Gaussian is larger than this many times the scene.
-const LARGEST: f64 = 1000.0;
-/// Usual size of a Gaussian, as a share of the distance of neighbours.
-const USUAL: f64 = 0.35;
+/// Maximum size of a Gaussian, in extents of the scene.
+const MAX_SIZE: f64 = 1000.0;
+/// Typical size of a Gaussian, as a share of the distance of neighbours.
+const TYPICAL_SIZE: f64 = 0.35;
 /// Share of the Gaussians along an axis that are outliers, on each side.
 const OUTLIERS: f64 = 0.1;
 
-/// Whether opacities that were read as logits are shares already: all logits are from 0 to 1, and
+/// True when opacities that were read as logits are shares already: all logits are from 0 to 1, and
 /// not one number.
 fn are_shares(splats: &Splats) -> bool {
     let highest = (1.0 / (1.0 + (-1.0f64).exp())) as f32;
@@ -153,7 +153,7 @@ fn are_shares(splats: &Splats) -> bool {
     all && splats.opacity.iter().any(|o| *o != splats.opacity[0])
 }
 
-/// Whether scales that were read as logarithms are lengths already: none is negative, and lengths
+/// True when scales that were read as logarithms are lengths already: none is negative, and lengths
 /// fit the distance of neighbours better.
 fn are_lengths(splats: &Splats) -> bool {
     let all =
@@ -171,20 +171,20 @@ fn are_lengths(splats: &Splats) -> bool {
             .map_or(0.0, |(a, b)| f64::from(b - a))
     };
     let extent = DVec3::new(positions(0), positions(1), positions(2)).length();
-    let usual = USUAL * extent / (splats.len() as f64).sqrt();
+    let typical = TYPICAL_SIZE * extent / (splats.len() as f64).sqrt();
     let largest = all.clone().fold(0.0, f32::max);
     let middle = median(all.collect(), f32::total_cmp);
     let middle = f64::from(middle.unwrap_or(1.0));
-    let off = |size: f64| (size / usual).ln().abs();
-    f64::from(largest) > LARGEST * extent || off(middle.ln()) < off(middle)
+    let off = |size: f64| (size / typical).ln().abs();
+    f64::from(largest) > MAX_SIZE * extent || off(middle.ln()) < off(middle)
 }
 
 // ---- PlayCanvas's compressed PLY: 16 bytes per Gaussian, relative to the ranges of its chunk
 
 /// Gaussians that share their ranges.
 const CHUNK: usize = 256;
-/// What has a range, from `min_x` to `max_x`: positions, logarithms of scales, and in newer files
-/// colours.
+/// Quantities with a range, from `min_x` to `max_x`: positions, logarithms of scales, and in newer
+/// files colours.
 const RANGES: [&str; 9] = ["x", "y", "z", "scale_x", "scale_y", "scale_z", "r", "g", "b"];
 
 /// The ranges of a chunk.
@@ -238,10 +238,9 @@ fn read_ranges(chunks: &PlyTable) -> Result<Vec<Ranges>> {
     let mut out = Vec::new();
     chunks.each_row(|_, row| {
         let mut ranges = [[0.0, 1.0]; RANGES.len()];
-        ranges
-            .iter_mut()
-            .zip(&columns)
-            .for_each(|(range, c)| *range = c.map(|column| column.f64(row)));
+        for (range, columns) in ranges.iter_mut().zip(&columns) {
+            *range = columns.map(|column| column.f64(row));
+        }
         out.push(ranges);
         Ok(())
     })?;
@@ -280,10 +279,10 @@ fn coefficient(byte: i64) -> f32 {
     ((share - 0.5) * 8.0) as f32
 }
 
-/// The lowest bits as a share of their largest number.
+/// The lowest `bits` as a share of their largest number.
 fn share(word: u32, bits: u32) -> f64 {
-    let most = (1 << bits) - 1;
-    f64::from(word & most) / f64::from(most)
+    let max = (1 << bits) - 1;
+    f64::from(word & max) / f64::from(max)
 }
 
 fn unpack_11_10_11(word: u32) -> [f64; 3] {

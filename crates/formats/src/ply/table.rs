@@ -6,9 +6,9 @@
 //! [`super::transcode`].
 
 use super::header::{Column, Element, Encoding, PlyHeader, PropertyType, Scalar};
-use super::transcode::{self, Wanted};
+use super::transcode::{self, RowSelection};
 use crate::Source;
-use crate::faces::{FaceList, PlacedCorners, not_a_triangle};
+use crate::faces::{CornerUvs, FaceList, not_a_triangle};
 use crate::finish::{origin_of, sampled};
 use crate::lines::write_blocks;
 use glam::{DVec3, Vec2, Vec3};
@@ -36,13 +36,16 @@ pub struct PlyTable<'a> {
     body: RowStorage<'a>,
     /// The faces with more than three corners, in order; their rows hold the first three.
     polygons: Vec<(usize, Vec<i64>)>,
-    /// The numbers of all lists of texture coordinates, and where each row's end.
-    places: (Vec<f32>, Vec<usize>),
+    /// The numbers of all lists of texture coordinates.
+    uv_numbers: Vec<f32>,
+    /// End of each row's numbers in `uv_numbers`; empty without such lists.
+    uv_ends: Vec<usize>,
 }
 
-/// Where the rows are.
+/// Storage of the rows.
 #[derive(Debug)]
 enum RowStorage<'a> {
+    /// The file, and the byte at which the rows begin.
     File(&'a File, u64),
     Memory(Vec<u8>),
 }
@@ -70,12 +73,12 @@ pub(super) fn open<'a, const N: usize>(
     let mut tables = [const { None }; N];
     let mut at = header.body;
     for element in &header.elements[..last] {
-        let wanted = match slot(element) {
-            None => Wanted::Nothing,
-            Some(_) if polygons && element.name == "face" => Wanted::Polygons,
-            Some(_) => Wanted::Triangles,
+        let selection = match slot(element) {
+            None => RowSelection::Nothing,
+            Some(_) if polygons && element.name == "face" => RowSelection::Polygons,
+            Some(_) => RowSelection::Triangles,
         };
-        let (table, end) = PlyTable::open(source, header.encoding, element, at, wanted)?;
+        let (table, end) = PlyTable::open(source, header.encoding, element, at, selection)?;
         at = end;
         if let Some(slot) = slot(element) {
             tables[slot] = Some(table);
@@ -111,7 +114,7 @@ impl<'a> PlyTable<'a> {
         encoding: Encoding,
         element: &'a Element,
         at: u64,
-        wanted: Wanted,
+        selection: RowSelection,
     ) -> Result<(Self, u64)> {
         let mut table = Self {
             path: &source.path,
@@ -123,7 +126,8 @@ impl<'a> PlyTable<'a> {
             corners: None,
             body: RowStorage::File(&source.file, at),
             polygons: Vec::new(),
-            places: Default::default(),
+            uv_numbers: Vec::new(),
+            uv_ends: Vec::new(),
         };
         for property in &element.properties {
             match property.kind {
@@ -138,16 +142,17 @@ impl<'a> PlyTable<'a> {
                 PropertyType::List { .. } => {}
             }
         }
-        if table.is_in_place(encoding, wanted)
-            && table.fits(source.len.saturating_sub(at), wanted)?
+        if table.is_in_place(encoding, selection)
+            && table.fits(source.len.saturating_sub(at), selection)?
         {
             let end = at + element.rows * table.stride as u64;
             return Ok((table, end));
         }
-        let out = transcode::rows(source, encoding, element, at, wanted)?;
+        let out = transcode::rows(source, encoding, element, at, selection)?;
         table.body = RowStorage::Memory(out.bytes);
         table.polygons = out.polygons;
-        table.places = (out.places, out.places_until);
+        table.uv_numbers = out.uv_numbers;
+        table.uv_ends = out.uv_ends;
         Ok((table, out.end))
     }
 
@@ -159,21 +164,21 @@ impl<'a> PlyTable<'a> {
 
     /// True when every row takes `stride` bytes in the final form, as long as all faces are
     /// triangles.
-    fn is_in_place(&self, encoding: Encoding, wanted: Wanted) -> bool {
+    fn is_in_place(&self, encoding: Encoding, selection: RowSelection) -> bool {
         let is_list = |kind| matches!(kind, PropertyType::List { .. });
         let lists = self.element.properties.iter().filter(|p| is_list(p.kind)).count();
         let is_face = lists == 1 && self.corners.is_some() && self.element.name == "face";
         match encoding {
             Encoding::Ascii => false,
-            Encoding::Big => lists == 0 && wanted == Wanted::Nothing,
-            Encoding::Little => lists == 0 || is_face && wanted != Wanted::Nothing,
+            Encoding::Big => lists == 0 && selection == RowSelection::Nothing,
+            Encoding::Little => lists == 0 || is_face && selection != RowSelection::Nothing,
         }
     }
 
-    /// Whether `left` bytes hold all rows in this form. False for faces among which are polygons,
+    /// True when `left` bytes hold all rows in this form. False for faces among which are polygons,
     /// which make rows longer, or which are cut short: [`super::transcode`] names the first bad
     /// one. If polygons are not permitted, faces are checked during reading.
-    fn fits(&self, left: u64, wanted: Wanted) -> Result<bool> {
+    fn fits(&self, left: u64, selection: RowSelection) -> Result<bool> {
         let rows = self.element.rows;
         let stride = self.stride as u64;
         let enough = rows.checked_mul(stride).is_some_and(|bytes| bytes <= left);
@@ -181,7 +186,7 @@ impl<'a> PlyTable<'a> {
             None if !enough => Err(self.malformed(format!(
                 "promises {rows} rows of {stride} bytes, but only {left} bytes follow: cut short"
             ))),
-            Some((count, _)) if enough && wanted == Wanted::Polygons => {
+            Some((count, _)) if enough && selection == RowSelection::Polygons => {
                 let blocks = 0..self.rows.div_ceil(self.rows_per_block());
                 let are_triangles =
                     self.blocks(blocks, |_, mut rows, _| Ok(rows.all(|row| count.int(row) == 3)))?;
@@ -228,12 +233,12 @@ impl<'a> PlyTable<'a> {
         Ok((all.collect::<Result<_>>()?, kept))
     }
 
-    /// Something wrong in the whole element.
+    /// The error of a fault in the whole element.
     fn malformed(&self, reason: impl Into<String>) -> Error {
         Error::malformed(self.path, format!("element {}", self.element.name), reason)
     }
 
-    /// A broken row.
+    /// The error of a fault in a row.
     pub(super) fn error(&self, row: usize, reason: impl Into<String>) -> Error {
         Error::malformed(self.path, format!("{} {row}", self.element.name), reason)
     }
@@ -263,7 +268,7 @@ impl<'a> PlyTable<'a> {
     ///
     /// # Errors
     ///
-    /// Those of the operating system and of `each`.
+    /// Errors of the operating system and of `each`.
     pub fn each_row(&self, mut each: impl FnMut(usize, &[u8]) -> Result<()>) -> Result<()> {
         let step = self.rows_per_block();
         let mut buffer = Vec::new();
@@ -304,16 +309,16 @@ impl<'a> PlyTable<'a> {
         Ok(origin_of(sampled(self.rows).map(&mut position).collect::<Result<_>>()?))
     }
 
-    /// Reads x, y, z of every vertex, relative to `origin`. // out: [V]
+    /// Reads x, y, z of every vertex, relative to `origin`. `[V]`
     pub(super) fn read_positions(&self, origin: DVec3, out: &mut [Vec3]) -> Result<()> {
         let axes = self.columns(["x", "y", "z"])?;
         self.blocks(out.chunks_mut(self.rows_per_block()), |_, rows, out| {
-            rows.zip(out).for_each(|(row, out)| {
+            for (row, out) in rows.zip(out) {
                 *out = match origin {
                     DVec3::ZERO => Vec3::from(axes.map(|axis| axis.f32(row))),
                     _ => (DVec3::from(axes.map(|axis| axis.f64(row))) - origin).as_vec3(),
-                }
-            });
+                };
+            }
             Ok(())
         })?;
         Ok(())
@@ -356,29 +361,29 @@ impl<'a> PlyTable<'a> {
     }
 
     /// The texture coordinates that faces list for their corners, which are below `vertices`.
-    pub(super) fn placed_corners(&self, vertices: usize, limits: &Limits) -> Result<PlacedCorners> {
-        let (numbers, until) = &self.places;
-        let mut placed = PlacedCorners::default();
-        if until.is_empty() {
-            return Ok(placed);
+    pub(super) fn corner_uvs(&self, vertices: usize, limits: &Limits) -> Result<CornerUvs> {
+        let mut corner_uvs = CornerUvs::default();
+        if self.uv_ends.is_empty() {
+            return Ok(corner_uvs);
         }
         let indices = self.triangles(vertices, limits)?;
         let mut first = 0;
         let mut polygons = self.polygons.iter().peekable();
-        for ((face, triangle), end) in indices.chunks_exact(3).enumerate().zip(until) {
+        for ((face, triangle), end) in indices.chunks_exact(3).enumerate().zip(&self.uv_ends) {
             let corners = match polygons.next_if(|(polygon, _)| *polygon == face) {
                 Some((_, listed)) => listed.iter().map(|corner| *corner as u32).collect(),
                 None => triangle.to_vec(),
             };
-            for (vertex, place) in corners.into_iter().zip(numbers[first..*end].as_chunks::<2>().0)
+            for (vertex, place) in
+                corners.into_iter().zip(self.uv_numbers[first..*end].as_chunks::<2>().0)
             {
-                placed.push(face, vertex, placed.places.len() as u32);
-                placed.places.push(Vec2::from(*place));
+                corner_uvs.push(face, vertex, corner_uvs.uvs.len() as u32);
+                corner_uvs.uvs.push(Vec2::from(*place));
             }
-            placed.end_face();
+            corner_uvs.end_face();
             first = *end;
         }
-        Ok(placed)
+        Ok(corner_uvs)
     }
 
     /// All faces, their corners below `vertices`.

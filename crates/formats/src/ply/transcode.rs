@@ -10,11 +10,11 @@ use std::io::{self, BufReader, ErrorKind, Read, Seek, SeekFrom};
 use trisplat_scene::{Error, Result};
 
 /// Names of the list of texture coordinates of a face's corners.
-const PLACES: [&str; 2] = ["texcoord", "texcoords"];
+const UV_LISTS: [&str; 2] = ["texcoord", "texcoords"];
 
-/// What is wanted of an element's rows.
+/// Part of an element's rows that is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Wanted {
+pub(super) enum RowSelection {
     /// Nothing, except the end of the rows.
     Nothing,
     /// All single numbers, and faces with three corners: any other face is an error.
@@ -31,9 +31,9 @@ pub(super) struct Transcoded {
     /// The faces with more than three corners, with all of them.
     pub(super) polygons: Vec<(usize, Vec<i64>)>,
     /// The numbers of all lists of texture coordinates.
-    pub(super) places: Vec<f32>,
-    /// Where each row's end; empty without such lists.
-    pub(super) places_until: Vec<usize>,
+    pub(super) uv_numbers: Vec<f32>,
+    /// End of each row's numbers in `uv_numbers`; empty without such lists.
+    pub(super) uv_ends: Vec<usize>,
     /// The byte after the last row.
     pub(super) end: u64,
 }
@@ -44,7 +44,7 @@ pub(super) fn rows(
     encoding: Encoding,
     element: &Element,
     at: u64,
-    wanted: Wanted,
+    selection: RowSelection,
 ) -> Result<Transcoded> {
     let mut out = Transcoded { end: at, ..Transcoded::default() };
     // Rows without properties take no bytes, so a header may contain any number of them.
@@ -56,7 +56,7 @@ pub(super) fn rows(
     let reader = BufReader::with_capacity(1 << 16, file);
     let mut input = Input { reader, encoding, at, len: source.len, word: Vec::new() };
     for row in 0..element.rows {
-        input.row(element, row as usize, wanted, &mut out).map_err(|fault| {
+        input.row(element, row as usize, selection, &mut out).map_err(|fault| {
             let reason = match fault.kind() {
                 ErrorKind::InvalidData => fault.to_string(),
                 ErrorKind::UnexpectedEof => {
@@ -74,7 +74,7 @@ pub(super) fn rows(
     Ok(out)
 }
 
-/// Something wrong in a row.
+/// The error of a fault in a row.
 fn fault(reason: impl Into<String>) -> io::Error {
     io::Error::new(ErrorKind::InvalidData, reason.into())
 }
@@ -94,24 +94,25 @@ impl Input<'_> {
         &mut self,
         element: &Element,
         row: usize,
-        wanted: Wanted,
+        selection: RowSelection,
         out: &mut Transcoded,
     ) -> io::Result<()> {
         for property in &element.properties {
             match property.kind {
                 PropertyType::Scalar(scalar) => {
                     let number = self.number(scalar)?;
-                    if wanted != Wanted::Nothing {
+                    if selection != RowSelection::Nothing {
                         out.bytes.extend_from_slice(&number[..scalar.size()]);
                     }
                 }
                 PropertyType::List { count, item }
-                    if wanted != Wanted::Nothing && property.is_corner_list() =>
+                    if selection != RowSelection::Nothing && property.is_corner_list() =>
                 {
-                    self.corners(count, item, row, wanted, out)?;
+                    self.corners(count, item, row, selection, out)?;
                 }
                 PropertyType::List { count, item }
-                    if wanted == Wanted::Polygons && PLACES.contains(&property.name.as_str()) =>
+                    if selection == RowSelection::Polygons
+                        && UV_LISTS.contains(&property.name.as_str()) =>
                 {
                     let length = integer(self.number(count)?, count);
                     if !(0..=2 * MAX_CORNERS as i64).contains(&length) {
@@ -119,9 +120,9 @@ impl Input<'_> {
                     }
                     for _ in 0..length {
                         let number = self.number(item)?;
-                        out.places.push(Column { offset: 0, scalar: item }.f32(&number));
+                        out.uv_numbers.push(Column { offset: 0, scalar: item }.f32(&number));
                     }
-                    out.places_until.push(out.places.len());
+                    out.uv_ends.push(out.uv_numbers.len());
                 }
                 PropertyType::List { count, item } => {
                     let length = self.number(count)?;
@@ -138,11 +139,11 @@ impl Input<'_> {
         count: Scalar,
         item: Scalar,
         row: usize,
-        wanted: Wanted,
+        selection: RowSelection,
         out: &mut Transcoded,
     ) -> io::Result<()> {
         let length = integer(self.number(count)?, count);
-        if wanted == Wanted::Triangles && length != 3 {
+        if selection == RowSelection::Triangles && length != 3 {
             return Err(fault(not_a_triangle(length)));
         }
         let length = check_corners(length).map_err(fault)?;

@@ -1,5 +1,5 @@
 //! `cameras.json`: the cameras of the photos, as the trainers of 3DGS and OpenSplat write them, and
-//! whether they fit the Gaussians.
+//! a check that they fit the Gaussians.
 //!
 //! ```text
 //! [{"img_name", "width", "height", "position": eye, "rotation": rows of camera to world, "fx", "fy", "cx"?, "cy"?}]
@@ -50,7 +50,7 @@ pub fn read_cameras(path: &Path, origin: DVec3, limits: &Limits) -> Result<Vec<(
         .collect()
 }
 
-/// What is wrong with numbers that are no camera.
+/// The fault of numbers that are no camera.
 pub(crate) const NO_CAMERA: &str =
     "is no camera: expected finite numbers, a rotation, focal lengths and a size above 0";
 
@@ -89,14 +89,14 @@ impl Entry {
 pub(crate) fn add_beside(path: &Path, loaded: &mut ImportedSplats, limits: &Limits) {
     let Some(list) = beside(path) else { return };
     let origin = DVec3::from(loaded.provenance.placement.center);
-    let fitted = read_cameras(&list, origin, limits).map(|mut cameras| {
+    let rotated = read_cameras(&list, origin, limits).map(|mut cameras| {
         let turn = fitting_turn(&cameras, &loaded.splats, origin.as_vec3())?;
         if turn != Mat3::IDENTITY {
-            cameras
-                .iter_mut()
-                .for_each(|(_, camera)| *camera = turned(camera, turn, origin.as_vec3()));
+            for (_, camera) in &mut cameras {
+                *camera = turned(camera, turn, origin.as_vec3());
+            }
             let list = list.display();
-            let axes = axes(turn);
+            let axes = rotated_axes(turn);
             let warning = format!(
                 "{list}: its cameras are of another frame; turned ({axes}), they fit the Gaussians"
             );
@@ -104,7 +104,7 @@ pub(crate) fn add_beside(path: &Path, loaded: &mut ImportedSplats, limits: &Limi
         }
         Some(cameras)
     });
-    let why = match fitted {
+    let why = match rotated {
         Ok(Some(cameras)) => return loaded.cameras = cameras,
         Ok(None) => format!(
             "{}: they do not see what is dense in the file, however the axes are turned; they are of another scene or frame",
@@ -136,27 +136,28 @@ pub(crate) fn beside(path: &Path) -> Option<PathBuf> {
     lists.into_iter().flatten().find(|list| list.is_file())
 }
 
-// ---- Whether cameras fit the Gaussians ----------------------------------------------------------
+// ---- A check that cameras fit the Gaussians -----------------------------------------------------
 //
 // A trained Gaussian was in front of everything else in some photo. So most of them are, for
 // cameras in their own frame, and fewer for turned ones: they look past what is dense, or from
 // inside of it.
 
-/// Fewer cameras may show any part of a scene, so they are believed.
+/// Minimum number of cameras that are checked: fewer may show any part of a scene.
 const MIN_CAMERAS: usize = 8;
-/// Maximum number of cameras and Gaussians that are looked at.
-const CAMERAS: usize = 24;
-const GAUSSIANS: usize = 1 << 13;
+/// Maximum number of sampled cameras.
+const MAX_CAMERAS: usize = 24;
+/// Maximum number of sampled Gaussians.
+const MAX_GAUSSIANS: usize = 1 << 13;
 /// Cells along a side of a picture.
 const CELLS: u32 = 32;
-/// Maximum light that the Gaussians of one place take.
-const OPAQUE: f32 = 0.9;
-/// Cameras are believed if they explain this share of what the best turn of them explains.
-const BELIEVED: f32 = 0.9;
-/// A turn is believed if every other one explains less than this share of it, ...
-const CLEAR: f32 = 0.9;
-/// ... and if this share of the Gaussians is in front for some camera.
-const IN_FRONT: f32 = 0.5;
+/// Maximum share of the light that one Gaussian absorbs in a cell.
+const MAX_ABSORPTION: f32 = 0.9;
+/// Minimum score of the cameras as stored, as a share of the best rotation's.
+const MIN_STORED_SCORE: f32 = 0.9;
+/// Maximum score of every other rotation, as a share of the best one's.
+const MAX_SECOND_SCORE: f32 = 0.9;
+/// Minimum share of the Gaussians that are in front for some camera.
+const MIN_FRONT_SHARE: f32 = 0.5;
 
 /// The turn of the axes that takes `cameras` into the frame of `splats`; `None` if none does.
 fn fitting_turn(cameras: &[(String, Camera)], splats: &Splats, origin: Vec3) -> Option<Mat3> {
@@ -164,32 +165,33 @@ fn fitting_turn(cameras: &[(String, Camera)], splats: &Splats, origin: Vec3) -> 
         return Some(Mat3::IDENTITY);
     }
     let chosen: Vec<&Camera> =
-        evenly_spaced(cameras.len(), CAMERAS).map(|i| &cameras[i].1).collect();
-    let share = splats.len() as f32 / splats.len().min(GAUSSIANS) as f32;
-    let sample = evenly_spaced(splats.len(), GAUSSIANS).map(|i| {
+        evenly_spaced(cameras.len(), MAX_CAMERAS).map(|i| &cameras[i].1).collect();
+    let share = splats.len() as f32 / splats.len().min(MAX_GAUSSIANS) as f32;
+    let sample = evenly_spaced(splats.len(), MAX_GAUSSIANS).map(|i| {
         let [x, y, z] = splats.scales[i].to_array();
         let area = TAU * (x * y).max(x * z).max(y * z) * splats.opacity[i];
         (splats.positions[i], area * share)
     });
     let sample = sample.collect::<Vec<_>>();
     let turns = turns();
-    let found = parallel::map(&turns, |_, turn| {
+    let scores = parallel::map(&turns, |_, turn| {
         let cameras: Vec<Camera> =
             chosen.iter().map(|camera| turned(camera, *turn, origin)).collect();
-        explained(&cameras, &sample)
+        visible_shares(&cameras, &sample)
     });
-    let score = |i: usize| found[i].0 * found[i].1;
+    let score = |i: usize| scores[i].0 * scores[i].1;
     let best = (0..turns.len()).max_by(|a, b| score(*a).total_cmp(&score(*b)).then(b.cmp(a)))?;
-    if score(0) > 0.0 && score(0) >= BELIEVED * score(best) {
+    if score(0) > 0.0 && score(0) >= MIN_STORED_SCORE * score(best) {
         return Some(turns[0]);
     }
-    let clear = (0..turns.len()).all(|i| i == best || score(i) < CLEAR * score(best));
-    (clear && found[best].0 >= IN_FRONT).then_some(turns[best])
+    let is_unique =
+        (0..turns.len()).all(|i| i == best || score(i) < MAX_SECOND_SCORE * score(best));
+    (is_unique && scores[best].0 >= MIN_FRONT_SHARE).then_some(turns[best])
 }
 
 /// The share of the Gaussians, given by position and area, that are in front for some camera, and
 /// the share of the pictures that they cover.
-fn explained(cameras: &[Camera], sample: &[(Vec3, f32)]) -> (f32, f32) {
+fn visible_shares(cameras: &[Camera], sample: &[(Vec3, f32)]) -> (f32, f32) {
     let mut front = vec![0.0f32; sample.len()];
     let mut covered = 0.0;
     for camera in cameras {
@@ -205,7 +207,7 @@ fn explained(cameras: &[Camera], sample: &[(Vec3, f32)]) -> (f32, f32) {
         let mut light = [1.0f32; (CELLS * CELLS) as usize];
         for (_, i, cell, area) in shown {
             front[i] = front[i].max(light[cell]);
-            light[cell] *= 1.0 - area.min(OPAQUE);
+            light[cell] *= 1.0 - area.min(MAX_ABSORPTION);
         }
         covered += 1.0 - light.iter().sum::<f32>() / light.len() as f32;
     }
@@ -229,8 +231,8 @@ fn turns() -> Vec<Mat3> {
         .collect()
 }
 
-/// What a turn makes of x, y, z: "x, -z, y".
-fn axes(turn: Mat3) -> String {
+/// The images of the axes x, y, z under a rotation: "x, -z, y".
+fn rotated_axes(turn: Mat3) -> String {
     let name = |row: Vec3| {
         let axis = row.abs().max_position();
         format!("{}{}", if row[axis] < 0.0 { "-" } else { "" }, ["x", "y", "z"][axis])

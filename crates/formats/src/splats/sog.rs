@@ -102,7 +102,7 @@ impl SogPicture {
     }
 }
 
-/// Whether an open zip archive is a scene in SOG. A broken one is not.
+/// True for an open zip archive that is a scene in SOG; false for a broken one.
 pub(crate) fn is_sog(source: &mut Source) -> Result<bool> {
     let names = zip::ZipArchive::new(BufReader::new(&*source.file))
         .map(|zip| names(&zip))

@@ -26,12 +26,14 @@ use trisplat_scene::{
     Error, ImportedSplats, Limits, Provenance, Result, ScreenFilter, Splats, UpAxis,
 };
 
+/// Bytes of the header of versions 2 and 3.
 const HEADER: usize = 16;
-/// Of version 4.
+/// Bytes of the header of version 4.
 const LONG_HEADER: usize = 32;
-/// What encoders of zstd refer back to, whatever the length of an array.
+/// Minimum window of the decoder, bytes: encoders of zstd refer back so far for any array.
 const MIN_WINDOW: u64 = 1 << 23;
-/// What the header says.
+
+/// The numbers of the header.
 struct SpzHeader {
     version: u32,
     count: usize,
@@ -88,21 +90,21 @@ fn frames<'a>(
     let lengths = lengths.ok_or_else(|| cut("table of arrays"))?;
     let mut packed = &bytes[table + lengths.len()..];
     let mut entries = lengths.chunks_exact(16).enumerate();
-    Ok(move |wanted: u64| {
+    Ok(move |expected: u64| {
         let Some((i, entry)) = entries.next() else { return Ok(Vec::new()) };
         let place = format!("array {i}");
         let [length, unpacked] =
             [0, 8].map(|at| u64::from(word(entry, at)) | u64::from(word(entry, at + 4)) << 32);
-        if unpacked != wanted {
-            let reason = format!("has {unpacked} bytes by the table; expected {wanted}");
+        if unpacked != expected {
+            let reason = format!("has {unpacked} bytes by the table; expected {expected}");
             return Err(Error::malformed(path, place, reason));
         }
         let some = usize::try_from(length).ok().and_then(|length| packed.split_at_checked(length));
         let (array, behind) = some.ok_or_else(|| cut(&place))?;
         packed = behind;
-        let decoder = StreamingDecoder::new_with_max_window_size(array, wanted.max(MIN_WINDOW));
+        let decoder = StreamingDecoder::new_with_max_window_size(array, expected.max(MIN_WINDOW));
         let decoder = decoder.map_err(|e| Error::io(path, std::io::Error::other(e)));
-        let array = decoder.and_then(|decoder| read_all(path, decoder, wanted, limits));
+        let array = decoder.and_then(|decoder| read_all(path, decoder, expected, limits));
         array.map_err(|error| damaged(path, error, &place, "zstd -t"))
     })
 }
@@ -158,13 +160,13 @@ impl SpzHeader {
     fn splats(&self, path: &Path, next: &mut Next<'_>, options: &ReadOptions) -> Result<Splats> {
         let [_, _, _, _, turn, rest] = self.arrays();
         let mut array = |each: usize| {
-            let wanted = self.count as u64 * each as u64;
-            let array = next(wanted)?;
+            let bytes = self.count as u64 * each as u64;
+            let array = next(bytes)?;
             let count = self.count;
             let has = array.len();
-            if has as u64 != wanted {
+            if has as u64 != bytes {
                 let reason = format!(
-                    "promises {count} Gaussians; an array has {has} of {wanted} bytes: cut short"
+                    "promises {count} Gaussians; an array has {has} of {bytes} bytes: cut short"
                 );
                 return Err(Error::malformed(path, "header", reason));
             }
@@ -192,8 +194,9 @@ impl SpzHeader {
         for (scale, bytes) in splats.scales.iter_mut().zip(array(3)?.as_chunks::<3>().0) {
             *scale = DVec3::from(bytes.map(|byte| f64::from(byte) / 16.0 - 10.0)).exp().as_vec3();
         }
-        for (turned, bytes) in splats.rotations.iter_mut().zip(array(turn)?.chunks_exact(turn)) {
-            *turned = unit(rotation(bytes));
+        for (quaternion, bytes) in splats.rotations.iter_mut().zip(array(turn)?.chunks_exact(turn))
+        {
+            *quaternion = unit(rotation(bytes));
         }
         let harmonics = array(rest)?;
         for (i, coefficients) in splats.sh.chunks_exact_mut(k).enumerate() {

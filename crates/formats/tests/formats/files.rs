@@ -195,12 +195,12 @@ pub(crate) fn mesh(faces: usize, per_face: bool, indexed: bool, opacity: bool) -
     }
 }
 
-/// What a viewer sees of a face: corners, linear colours, opacity.
+/// Visible properties of a face: corners, linear colours, opacity.
 pub(crate) fn face(mesh: &Mesh, face: usize) -> ([Vec3; 3], [[f32; 3]; 3], f32) {
     (mesh.corners(face), mesh.corner_colors(face), mesh.opacity.get(face).copied().unwrap_or(1.0))
 }
 
-/// The mesh a reader found, and its warnings.
+/// The mesh that was read, and its warnings.
 pub(crate) fn loaded_mesh(loaded: Result<ImportedScene>) -> (Mesh, Provenance, Vec<String>) {
     match loaded.expect("a valid file") {
         ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, .. } => {

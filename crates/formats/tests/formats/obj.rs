@@ -22,7 +22,7 @@ fn written(mesh: &Mesh) -> (String, String) {
     (String::from_utf8(obj).expect("text"), String::from_utf8(mtl).expect("text"))
 }
 
-/// What tobj makes of a file: corners and sRGB colours of every face.
+/// The result of tobj for a file: corners and sRGB colours of every face.
 fn judged(obj: &str) -> Vec<([f32; 9], [f32; 9])> {
     let options = tobj::LoadOptions { single_index: true, ..Default::default() };
     let (models, _) =

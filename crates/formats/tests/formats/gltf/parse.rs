@@ -217,8 +217,7 @@ impl Parsed {
     }
 }
 
-/// What the specification says a linear colour is stored as, worked out in f64 and one corner at a
-/// time.
+/// Bytes of a linear colour by the specification, computed in f64 and one corner at a time.
 pub(crate) fn stored_color(encoding: ColorEncoding, color: [f32; 3]) -> Vec<u8> {
     let [r, g, b] = color;
     match encoding {

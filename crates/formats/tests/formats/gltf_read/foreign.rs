@@ -1,4 +1,4 @@
-//! What other programs write: transforms, modes, materials, sparse and interleaved data.
+//! Files of other programs: transforms, modes, materials, sparse and interleaved data.
 
 use super::files::{
     BYTE, Builder, FLOAT, SHORT, UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT, mesh, read,

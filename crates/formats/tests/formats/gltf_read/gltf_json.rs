@@ -1,4 +1,4 @@
-//! What `gltf-json` 1.4 loses of a document, and the reader keeps. A failure here says that the
+//! Losses of `gltf-json` 1.4 that the reader does not have. A failure here says that the
 //! crate has become better: read into its types then (`crates/formats/src/gltf/document.rs`).
 
 use super::files::Builder;

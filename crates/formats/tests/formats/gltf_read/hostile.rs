@@ -11,7 +11,7 @@ use trisplat_scene::{
     mesh::{Colors, Mesh},
 };
 
-/// What each edit of a valid file must be refused with.
+/// Message with which each edit of a valid file must be refused.
 #[test]
 fn every_broken_promise_is_named() {
     let max = json!(u64::MAX);

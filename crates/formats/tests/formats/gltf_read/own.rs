@@ -1,4 +1,4 @@
-//! What we write comes back: every colour and position encoding, compressed or not, chunked,
+//! Written files read back: every colour and position encoding, compressed or not, chunked,
 //! indexed.
 
 use super::files::{mesh, read, read_bytes};
