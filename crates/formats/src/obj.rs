@@ -309,7 +309,8 @@ pub fn write(
         if grouped && face == first_backdrop_face {
             block.extend_from_slice(b"g backdrop\n");
         }
-        let corners = if unshared { [0, 1, 2].map(|c| 3 * face as u32 + c) } else { mesh.face(face) };
+        let corners =
+            if unshared { [0, 1, 2].map(|c| 3 * face as u32 + c) } else { mesh.face(face) };
         block.push(b'f');
         for (k, corner) in corners.into_iter().enumerate() {
             block.push(b' ');
