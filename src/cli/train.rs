@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 use trisplat_bake::{BackgroundDetails, BackgroundOptions, background, is_solid};
 use trisplat_dataset::{Dataset, DatasetOptions, Masks, ShrunkSize, exposure::differ};
 use trisplat_formats as formats;
-use trisplat_job::{Event, TeacherPlan, TrainBegins, TrainDone, TrainJob, TrainPart, reading};
+use trisplat_job::{Event, TeacherPlan, TrainBegins, TrainJob, TrainPart, TrainResult, reading};
 use trisplat_scene::layered::Layered;
 use trisplat_scene::report::{OutputReport, Report, counted};
 use trisplat_scene::{Error, ImportedScene, Result};
@@ -98,7 +98,7 @@ pub fn run(
         }
         done => done?,
     };
-    let TrainDone { trained, mut report, teacher, teacher_share } = done;
+    let TrainResult { trained, mut report, teacher, teacher_share } = done;
     let Some(mut bar) = terminal.bar.take() else {
         unreachable!("a training that ended has begun")
     };

@@ -11,7 +11,7 @@ use std::process::Command;
 use trisplat::{BakeJob, BakeOptions, BakePreset, Dataset, DatasetOptions, TrainJob, TrainOptions};
 use trisplat_dataset::exposure::{ExposureEvidence, ExposureUse};
 use trisplat_fixtures::phone::phone_sample;
-use trisplat_job::{BakeInput, Baked, Event, TeacherSource, TrainDone, TrainPart};
+use trisplat_job::{BakeInput, Baked, Event, TeacherSource, TrainPart, TrainResult};
 use trisplat_scene::{Budget, Seconds, layered::Layers};
 use trisplat_train::Trained;
 
@@ -66,7 +66,7 @@ fn a_training_with_and_without_a_teacher() {
     };
     let mut job = TrainJob::new(photos, options);
     job.teacher = Some(TeacherSource::Auto);
-    let TrainDone { trained, report, .. } = job.run(&mut observer).unwrap();
+    let TrainResult { trained, report, .. } = job.run(&mut observer).unwrap();
     assert!(bytes(folder, &trained) == scene);
     assert!(bytes(folder, &teacher.unwrap()) == read(folder, "a.teacher.ply"));
     assert_eq!(

@@ -221,7 +221,8 @@ fn soft_pictures_beside_photos_lie_between_them_and_show_the_scene() {
     let scene: ImportedScene = soft_scene(&dataset).into();
     let drawing = hardening(1).drawing([0.0; 3]);
     let beside = |share, max_bytes| {
-        teacher::beside(&dataset, &scene, &drawing, share, max_bytes, &mut |_, _| {}).unwrap()
+        teacher::with_soft_pictures(&dataset, &scene, &drawing, share, max_bytes, &mut |_, _| {})
+            .unwrap()
     };
     let trained_on = dataset.train().count();
     assert_eq!(beside(0.0, PHOTO_BYTES).views.len(), dataset.views.len());

@@ -14,7 +14,7 @@ use trisplat_scene::math::lists::evenly_spaced;
 use trisplat_scene::report::Report;
 use trisplat_scene::{Error, ImportedSplats, Result, frames};
 use trisplat_teacher::{
-    GaussianTeacher, ViewpointKind, Viewpoints, between, drawn_beside, drawn_for,
+    GaussianTeacher, ViewpointKind, Viewpoints, between, dataset_of_pictures, with_pictures_of,
 };
 use trisplat_train::{TrainOptions, TrainPreset, shell_around};
 
@@ -139,7 +139,7 @@ pub(super) fn solid(
             for camera in &cameras {
                 drop(teacher.picture(camera));
             }
-            drawn_beside(
+            with_pictures_of(
                 photos,
                 SHARE_BETWEEN,
                 max_bytes,
@@ -147,7 +147,13 @@ pub(super) fn solid(
                 &mut drawn,
             )?
         }
-        None => drawn_for(path, &cameras, max_bytes, |camera| teacher.picture(camera), &mut drawn)?,
+        None => dataset_of_pictures(
+            path,
+            &cameras,
+            max_bytes,
+            |camera| teacher.picture(camera),
+            &mut drawn,
+        )?,
     };
     drop(drawn);
     let surroundings = teacher.shows_surroundings();

@@ -202,7 +202,7 @@ mod tests {
                 rgb: vec![[9; 3]; 3600],
                 alpha: Some([[255; 1200].as_slice(), &[0; 2400]].concat()),
             };
-            let dataset = teacher::drawn_for(
+            let dataset = teacher::dataset_of_pictures(
                 &PathBuf::from("disc"),
                 &cameras,
                 1 << 24,

@@ -40,4 +40,4 @@ pub use renderer::{BakedScene, RenderMode, RenderOptions, SceneRenderer};
 pub use rendering::{PictureKind, ReadyRender, RenderJob, WIDTH};
 pub use scores::{EvalReport, ImageScore, RepresentationScore, ScoredPicture, Scores};
 pub use teacher::{TEACHER_FILE, TeacherPlan, TeacherSource};
-pub use training::{TrainDone, TrainJob, reading, train};
+pub use training::{TrainJob, TrainResult, reading, train};

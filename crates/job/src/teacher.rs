@@ -160,7 +160,14 @@ pub(super) fn with_pictures(
     observer: Observer<'_>,
 ) -> Result<Dataset> {
     let drawing = options.drawing(how.background.to_f32());
-    teacher::beside(photos, scene, &drawing, share, how.photo_bytes(), &mut on_drawn(observer))
+    teacher::with_soft_pictures(
+        photos,
+        scene,
+        &drawing,
+        share,
+        how.photo_bytes(),
+        &mut on_drawn(observer),
+    )
 }
 
 /// The soft scene of a file.

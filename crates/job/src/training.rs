@@ -76,9 +76,9 @@ pub struct TrainJob {
     pub force_resume: bool,
 }
 
-/// A trained scene and its report.
+/// The result of a training job: the scene and its report.
 #[derive(Debug, Clone)]
-pub struct TrainDone {
+pub struct TrainResult {
     /// The scene.
     pub trained: Trained,
     /// Options, stages and warnings. It names no files.
@@ -136,7 +136,7 @@ impl TrainJob {
     /// options that the budget chooses; an unreadable or solid teacher; a budget that is too small;
     /// a checkpoint of another run. [`Error::Stopped`] if it was stopped before its own first step:
     /// nothing is written, and the run begins again.
-    pub fn run(mut self, observer: Observer<'_>) -> Result<TrainDone> {
+    pub fn run(mut self, observer: Observer<'_>) -> Result<TrainResult> {
         let began = self.began.unwrap_or_else(Instant::now);
         if self.from.is_none() {
             reconstruct_points(&mut self.dataset, self.dataset_options.photo_bytes())?;
@@ -208,7 +208,7 @@ impl TrainJob {
         let mut report = Report { warnings, stages, seconds, ..Report::new("train") };
         report.options = serde_json::to_value(&trained.options).unwrap_or_default();
         report.stages.push(trained.stage(triangles, seconds));
-        Ok(TrainDone { trained, report, teacher: plan, teacher_share: share })
+        Ok(TrainResult { trained, report, teacher: plan, teacher_share: share })
     }
 
     /// The share of the steps on pictures of a teacher; a resumed run keeps its number of pictures.

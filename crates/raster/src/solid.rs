@@ -72,9 +72,9 @@ impl SolidRasterOptions {
         if !(self.near > 0.0 && self.near.is_finite()) {
             return Err(Error::invalid("near", self.near, "a depth above 0"));
         }
-        let most = u64::from(size.max_element()) * u64::from(self.samples);
-        if most > u64::from(MAX_SAMPLES) {
-            let wants = format!("a picture of at most {} px a side", MAX_SAMPLES / self.samples);
+        let samples = u64::from(size.max_element()) * u64::from(self.samples);
+        if samples > u64::from(MAX_SAMPLES) {
+            let wants = format!("a picture of at samples {} px a side", MAX_SAMPLES / self.samples);
             return Err(Error::invalid("samples", format!("{} on {size} px", self.samples), wants));
         }
         Ok(())
@@ -147,16 +147,16 @@ impl SolidRasterizer {
         let count = out.size.x as usize * out.size.y as usize;
         out.face.resize(count, NO_FACE);
         out.depth.resize(count, f32::INFINITY);
-        let seen = split_tiles(&mut out.face, width, TILE_WIDTH, TILE_HEIGHT);
+        let faces = split_tiles(&mut out.face, width, TILE_WIDTH, TILE_HEIGHT);
         let depths = split_tiles(&mut out.depth, width, TILE_WIDTH, TILE_HEIGHT);
-        let tiles = seen.into_iter().zip(depths).collect();
+        let tiles = faces.into_iter().zip(depths).collect();
         BinnedFaces::new(self, mesh, &projector, (1, None)).for_each_tile(
             tiles,
-            |_, keys, (seen, depths)| {
-                for ((faces, depths), keys) in
-                    seen.into_iter().zip(depths).zip(keys[0].chunks(STRIDE))
+            |_, keys, (faces, depths)| {
+                for ((row_faces, depths), keys) in
+                    faces.into_iter().zip(depths).zip(keys[0].chunks(STRIDE))
                 {
-                    for ((face, depth), key) in faces.iter_mut().zip(depths).zip(keys) {
+                    for ((face, depth), key) in row_faces.iter_mut().zip(depths).zip(keys) {
                         *face = face_of(*key);
                         *depth = 1.0 / inverse_depth_of(*key);
                     }

@@ -276,7 +276,7 @@ pub fn dataset(
         Some(behind) => teacher.object_picture(camera, behind),
         None => teacher.picture(camera),
     };
-    let mut dataset = drawn_for(path, &cameras, max_bytes, picture, drawn)?;
+    let mut dataset = dataset_of_pictures(path, &cameras, max_bytes, picture, drawn)?;
     for (i, view) in dataset.views.iter_mut().enumerate() {
         view.test = i % HELD_OUT == HELD_OUT / 2;
     }
@@ -289,7 +289,7 @@ pub fn dataset(
 /// # Errors
 ///
 /// A full disk.
-pub fn drawn_for(
+pub fn dataset_of_pictures(
     path: &Path,
     cameras: &[Camera],
     max_bytes: u64,
@@ -312,7 +312,7 @@ pub fn drawn_for(
 /// # Errors
 ///
 /// A full disk.
-pub fn beside(
+pub fn with_soft_pictures(
     photos: &Dataset,
     scene: &ImportedScene,
     options: &SoftOptions,
@@ -325,15 +325,15 @@ pub fn beside(
         |camera: &Camera| frames::to_file(camera, &scene.provenance.placement, photos.origin);
     let near: Vec<Camera> = cameras.iter().map(to_file).collect();
     let mut teacher = Teacher::new(scene.scene.to_soup(), &near, options);
-    drawn_beside(photos, share, max_bytes, |camera| teacher.picture(&to_file(camera)), drawn)
+    with_pictures_of(photos, share, max_bytes, |camera| teacher.picture(&to_file(camera)), drawn)
 }
 
-/// The same with any `picture`, of a camera in the world of `photos`.
+/// [`with_soft_pictures`] with any `picture`, of a camera in the world of `photos`.
 ///
 /// # Errors
 ///
 /// A full disk.
-pub fn drawn_beside(
+pub fn with_pictures_of(
     photos: &Dataset,
     share: f64,
     max_bytes: u64,
@@ -342,8 +342,8 @@ pub fn drawn_beside(
 ) -> Result<Dataset> {
     let cameras: Vec<Camera> = photos.train().map(|view| view.camera).collect();
     let between = between(&cameras);
-    let wanted = (cameras.len() as f64 * share / (1.0 - share)).round() as usize;
-    let chosen: Vec<Camera> = evenly_spaced(between.len(), wanted).map(|i| between[i]).collect();
+    let count = (cameras.len() as f64 * share / (1.0 - share)).round() as usize;
+    let chosen: Vec<Camera> = evenly_spaced(between.len(), count).map(|i| between[i]).collect();
     let pictures = draw(&chosen, max_bytes, picture, drawn)?;
     Ok(Dataset { views: [photos.views.clone(), pictures].concat(), ..photos.clone() })
 }
@@ -356,13 +356,14 @@ fn draw(
     mut picture: impl FnMut(&Camera) -> RgbImage,
     drawn: &mut dyn FnMut(usize, usize),
 ) -> Result<Vec<View>> {
-    let held = cameras.iter().map(picture_bytes).sum::<u64>() <= max_bytes;
+    let fits_memory = cameras.iter().map(picture_bytes).sum::<u64>() <= max_bytes;
     let file = Arc::new(PictureFile::default());
     let mut views = Vec::with_capacity(cameras.len());
     for (i, camera) in cameras.iter().enumerate() {
         let picture = picture(camera);
         let is_cut = picture.alpha.is_some();
-        let photo = if held { Photo::drawn(picture) } else { Photo::stored(&picture, &file)? };
+        let photo =
+            if fits_memory { Photo::drawn(picture) } else { Photo::stored(&picture, &file)? };
         let photo = if is_cut { photo.cut_out() } else { photo };
         views.push(View {
             name: format!("teacher_{i:05}"),

@@ -11,6 +11,8 @@ mod splat_views;
 mod survey;
 mod viewpoints;
 
-pub use drawing::{ObjectBackground, Teacher, beside, dataset, drawn_beside, drawn_for};
+pub use drawing::{
+    ObjectBackground, Teacher, dataset, dataset_of_pictures, with_pictures_of, with_soft_pictures,
+};
 pub use gaussians::GaussianTeacher;
 pub use viewpoints::{ViewpointKind, Viewpoints, between};

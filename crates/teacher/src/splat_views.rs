@@ -229,7 +229,8 @@ impl BlurProbe {
             let mut scales = self.splats.scales[i].to_array();
             scales.sort_by(f32::total_cmp);
             let code = |length: f32| length.max(MIN_LENGTH).ln() + OFFSET;
-            let (depth, size) = (code(depth), code(scales[1] / depth));
+            let size = code(scales[1] / depth);
+            let depth = code(depth);
             self.splats.sh[i] = [depth, depth * depth, size].map(sh0_from_rgb);
         }
         let frame = gaussian::draw(&self.splats, camera, &self.options);
@@ -398,7 +399,9 @@ mod photographed_tests {
         thing.retain(|i| !i.is_multiple_of(50));
         assert!(!are_surroundings(&thing, &around, Vec3::ZERO, 2.0));
         // Nor does one whose own rim reaches into the corners.
-        thing.scales.iter_mut().for_each(|scale| *scale *= 12.0);
+        for scale in &mut thing.scales {
+            *scale *= 12.0;
+        }
         assert!(!are_surroundings(&thing, &around, Vec3::ZERO, 2.0));
     }
 }

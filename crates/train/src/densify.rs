@@ -102,15 +102,7 @@ pub(crate) fn densify(
     let mut alive = prune(state, visibility, complete, plan, &mut done);
     let holes = repair(state, visibility, &mut alive, plan, &mut done);
     if complete && plan.grow && plan.bisect && plan.core.is_none() {
-        let DensifyOptions { relocate, growth, .. } = *plan.options;
-        let relocation = Relocation {
-            share: relocate,
-            growth,
-            max_triangles: plan.max_triangles,
-            frozen: state.frozen,
-            pinned: state.pinned,
-        };
-        done.relocated = evict_lowest_contribution(&mut alive, visibility, &relocation);
+        done.relocated = relocate(state, visibility, &mut alive, plan);
     }
     let count = alive.iter().skip(state.frozen).filter(|alive| **alive).count();
     let holes = even_subset(&holes, plan.max_triangles.saturating_sub(count));
@@ -129,18 +121,23 @@ pub(crate) fn densify(
     }
     let rng = Rng::new(plan.seed, "clone", plan.step);
     for i in (0..alive.len()).filter(|&i| grown[i]) {
-        let (children, count) = match (plan.bisect, is_large(visibility, i, plan)) {
-            (true, _) => (bisect(&state.params, i), &mut done.split),
-            (false, true) => (split(&state.params, i), &mut done.split),
-            (false, false) => (clone(&state.params, i, plan, rng), &mut done.cloned),
+        let children = if plan.bisect {
+            done.split += 1;
+            bisect(&state.params, i)
+        } else if is_large(visibility, i, plan) {
+            done.split += 1;
+            split(&state.params, i)
+        } else {
+            done.cloned += 1;
+            clone(&state.params, i, plan, rng)
         };
-        *count += 1;
         for child in 0..children.len() {
             next.push_fresh(&children, child);
             next_visibility.push_exempt();
         }
     }
     if let Some(anchors) = plan.anchors {
+        // The purpose's name is part of the random numbers.
         let rng = Rng::new(plan.seed, "known", plan.step);
         let filled = anchors.fill_triangles(&holes, next.params.sh_degree, rng);
         done.filled = filled.len();
@@ -156,6 +153,23 @@ pub(crate) fn densify(
     *state = next;
     *visibility = next_visibility;
     done
+}
+
+/// Evicts triangles of the lowest contribution; returns their number.
+fn relocate(
+    state: &OptimizerState,
+    visibility: &VisibilityStats,
+    alive: &mut [bool],
+    plan: &DensifyPlan<'_>,
+) -> usize {
+    let relocation = Relocation {
+        share: plan.options.relocate,
+        growth: plan.options.growth,
+        max_triangles: plan.max_triangles,
+        frozen: state.frozen,
+        pinned: state.pinned,
+    };
+    evict_lowest_contribution(alive, visibility, &relocation)
 }
 
 /// Flags the triangles that stay, by the rules in their order. `[N]`
@@ -244,8 +258,8 @@ fn sample_growth(
     let mut budget = target.saturating_sub(count);
     let in_core = |i: usize| plan.core.is_some_and(|core| core.holds(&state.params, i));
     let mut core_budget = plan.core.map_or(usize::MAX, |core| {
-        let held = (state.frozen..alive.len()).filter(|&i| alive[i] && in_core(i)).count();
-        usize::try_from(core.triangles).unwrap_or(usize::MAX).saturating_sub(held)
+        let in_core_count = (state.frozen..alive.len()).filter(|&i| alive[i] && in_core(i)).count();
+        usize::try_from(core.triangles).unwrap_or(usize::MAX).saturating_sub(in_core_count)
     });
     let mut grown = vec![false; alive.len()];
     // Efraimidis and Spirakis 2006: the smallest of -ln(u) / weight is a sample in proportion to

@@ -1,5 +1,5 @@
-//! The inputs of a run: a checkpoint continues with the same photos, cameras and points, or names
-//! those that differ.
+//! The identity of a run's inputs: a checkpoint continues with the same photos, cameras and points,
+//! or names the differences.
 
 use super::pyramid::Pyramid;
 use serde::{Deserialize, Serialize};

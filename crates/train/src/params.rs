@@ -120,7 +120,8 @@ impl Params {
 
     /// Raw parameters of a soup, its SH padded with zeros to `sh_degree`.
     pub fn from_soup(soup: &Soup, sh_degree: u8) -> Self {
-        let (from, to) = (soup.sh_count(), (usize::from(sh_degree) + 1).pow(2));
+        let from = soup.sh_count();
+        let to = (usize::from(sh_degree) + 1).pow(2);
         let mut sh = vec![[0.0; 3]; soup.len() * to];
         for (i, row) in sh.chunks_exact_mut(to).enumerate() {
             let kept = from.min(to);

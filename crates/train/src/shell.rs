@@ -18,7 +18,7 @@ use trisplat_scene::math::geometry::{centroid, face_count, octasphere};
 use trisplat_scene::math::lists::median;
 use trisplat_scene::{Result, SceneNormalization, Soup, sh0_from_rgb};
 
-/// Minimum triangles of a run for each triangle of its shell.
+/// Minimum number of triangles of a run per triangle of its shell.
 const PER_SHELL_TRIANGLE: u64 = 10;
 /// Photos are used at a quarter of their size, because single pixels are noisy.
 const LEVEL: u32 = 2;
@@ -27,11 +27,11 @@ const LEVEL: u32 = 2;
 const CONE: f32 = 0.94;
 /// Minimum points in such a cone.
 const CONE_POINTS: usize = 4;
-/// This share of the points in a cone is in front of the shell.
+/// Share of the points in a cone that are in front of the shell.
 const INSIDE: f32 = 0.95;
-/// The shell's distance, in distances of the last point of this share.
+/// Distance of the shell, in distances of the last point of that share.
 const BEHIND: f32 = 1.05;
-/// The shell's least distance, in distances of the farthest camera, so that no camera is outside.
+/// Minimum distance of the shell, in distances of the farthest camera: no camera is outside.
 const AROUND_CAMERAS: f32 = 1.5;
 /// Rounds in which directions without points take the mean distance of their neighbours.
 const ROUNDS: usize = 200;
@@ -96,7 +96,7 @@ pub(super) fn shell(
     let corner = |i: u32| directions[i as usize] * radii[i as usize];
     let corners: Vec<[Vec3; 3]> = faces.iter().map(|face| face.map(corner)).collect();
     let Some(colors) = colors(&corners, cameras, photos)? else { return Ok(Soup::default()) };
-    let Some(colors) = continued(colors, &faces) else { return Ok(Soup::default()) };
+    let Some(colors) = extended(colors, &faces) else { return Ok(Soup::default()) };
     Ok(Soup {
         opacity: vec![OPACITY; corners.len()],
         sigma: vec![SIGMA; corners.len()],
@@ -111,18 +111,20 @@ fn radii(directions: &[Vec3], faces: &[[u32; 3]], points: &[Vec3], cameras: &[Ca
     let finite = points.iter().filter(|p| p.is_finite() && p.length() > 0.0);
     let rays: Vec<(Vec3, f32)> = finite.map(|p| (p.normalize(), p.length())).collect();
     let reach = cameras.iter().map(|c| c.position().length()).fold(0.0, f32::max);
-    let known: Vec<Option<f32>> = directions.iter().map(|d| far_end(*d, &rays)).collect();
-    let typical = median(known.iter().flatten().copied().collect(), f32::total_cmp)
+    let measured: Vec<Option<f32>> = directions.iter().map(|d| far_distance(*d, &rays)).collect();
+    let typical = median(measured.iter().flatten().copied().collect(), f32::total_cmp)
         .or_else(|| far(rays.iter().map(|(_, length)| *length).collect()))
         .unwrap_or(1.0);
 
     let neighbours = neighbours(directions.len(), faces);
     // In logarithms, so that twice and half the distance count equally.
-    let mut logs: Vec<f32> =
-        known.iter().map(|k| k.unwrap_or(typical).max(f32::MIN_POSITIVE).ln()).collect();
+    let mut logs: Vec<f32> = measured
+        .iter()
+        .map(|distance| distance.unwrap_or(typical).max(f32::MIN_POSITIVE).ln())
+        .collect();
     for _ in 0..ROUNDS {
         let before = logs.clone();
-        for (i, around) in neighbours.iter().enumerate().filter(|(i, _)| known[*i].is_none()) {
+        for (i, around) in neighbours.iter().enumerate().filter(|(i, _)| measured[*i].is_none()) {
             logs[i] = mean(around.iter().map(|j| before[*j as usize]));
         }
     }
@@ -136,7 +138,7 @@ fn radii(directions: &[Vec3], faces: &[[u32; 3]], points: &[Vec3], cameras: &[Ca
     logs.iter().map(|log| (BEHIND * log.exp()).max(AROUND_CAMERAS * reach)).collect()
 }
 
-/// The directions beside each. `[V]`
+/// Neighbours of each direction. `[V]`
 fn neighbours(count: usize, faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
     let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); count];
     for [a, b, c] in faces {
@@ -161,23 +163,23 @@ fn raise(logs: &mut [f32], directions: &[Vec3], neighbours: &[Vec<u32>]) {
         for (i, around) in neighbours.iter().enumerate() {
             for j in around {
                 let turn = directions[i].angle_between(directions[*j as usize]);
-                let least = logs[*j as usize] - STEEPEST * turn;
+                let lowest = logs[*j as usize] - STEEPEST * turn;
                 // Far above rounding, so that it ends.
-                rises |= least > logs[i] + 1e-4;
-                logs[i] = logs[i].max(least);
+                rises |= lowest > logs[i] + 1e-4;
+                logs[i] = logs[i].max(lowest);
             }
         }
     }
 }
 
 /// Distance at which the points around a direction end, if there are enough.
-fn far_end(direction: Vec3, rays: &[(Vec3, f32)]) -> Option<f32> {
+fn far_distance(direction: Vec3, rays: &[(Vec3, f32)]) -> Option<f32> {
     let around = rays.iter().filter(|(ray, _)| ray.dot(direction) > CONE);
     let lengths: Vec<f32> = around.map(|(_, length)| *length).collect();
     if lengths.len() < CONE_POINTS { None } else { far(lengths) }
 }
 
-/// The length that all except the longest few stay below.
+/// The length below which all except a few lengths stay.
 fn far(mut lengths: Vec<f32>) -> Option<f32> {
     let at = ((lengths.len() as f32 * INSIDE) as usize).min(lengths.len().checked_sub(1)?);
     Some(*lengths.select_nth_unstable_by(at, f32::total_cmp).1)
@@ -217,11 +219,11 @@ fn pixel(camera: &Camera, photo: &RgbImage, place: Vec3) -> Option<[u8; 3]> {
     Some(photo.rgb[(at.y as u32 * camera.size.x + at.x as u32) as usize])
 }
 
-/// The known colours, smoothly extended to all faces; `None` when none is known. `[F]`
-fn continued(colors: Vec<Option<[f32; 3]>>, faces: &[[u32; 3]]) -> Option<Vec<[f32; 3]>> {
-    let beside = beside(faces);
-    let known: Vec<bool> = colors.iter().map(Option::is_some).collect();
-    if !known.contains(&true) {
+/// The colours, smoothly extended to all faces; `None` if no face has one. `[F]`
+fn extended(colors: Vec<Option<[f32; 3]>>, faces: &[[u32; 3]]) -> Option<Vec<[f32; 3]>> {
+    let adjacent = adjacent_faces(faces);
+    let has_color: Vec<bool> = colors.iter().map(Option::is_some).collect();
+    if !has_color.contains(&true) {
         return None;
     }
     let mut colors: Vec<Option<Vec3>> = colors.into_iter().map(|rgb| rgb.map(Vec3::from)).collect();
@@ -229,22 +231,22 @@ fn continued(colors: Vec<Option<[f32; 3]>>, faces: &[[u32; 3]]) -> Option<Vec<[f
     while colors.contains(&None) {
         let before = colors.clone();
         for (i, color) in colors.iter_mut().enumerate().filter(|(_, color)| color.is_none()) {
-            let around: Vec<Vec3> = beside[i].iter().filter_map(|j| before[*j]).collect();
+            let around: Vec<Vec3> = adjacent[i].iter().filter_map(|j| before[*j]).collect();
             *color =
                 (!around.is_empty()).then(|| around.iter().sum::<Vec3>() / around.len() as f32);
         }
     }
     let mut colors: Vec<Vec3> = colors.into_iter().flatten().collect();
     for _ in 0..COLOR_ROUNDS {
-        for i in (0..colors.len()).filter(|i| !known[*i]) {
-            colors[i] = beside[i].iter().map(|j| colors[*j]).sum::<Vec3>() / 3.0;
+        for i in (0..colors.len()).filter(|i| !has_color[*i]) {
+            colors[i] = adjacent[i].iter().map(|j| colors[*j]).sum::<Vec3>() / 3.0;
         }
     }
     Some(colors.into_iter().map(|rgb| rgb.to_array()).collect())
 }
 
-/// The faces beside each of a closed surface. `[F]`
-fn beside(faces: &[[u32; 3]]) -> Vec<[usize; 3]> {
+/// The three faces adjacent to each face of a closed surface. `[F]`
+fn adjacent_faces(faces: &[[u32; 3]]) -> Vec<[usize; 3]> {
     let mut sides: HashMap<(u32, u32), usize> = HashMap::new();
     for (i, [a, b, c]) in faces.iter().enumerate() {
         for side in [(*a, *b), (*b, *c), (*c, *a)] {
@@ -307,7 +309,7 @@ mod tests {
     #[test]
     fn colours_are_continued_all_around_without_stripes() {
         let (corners, faces) = octasphere(4);
-        assert_eq!(continued(vec![None; faces.len()], &faces), None);
+        assert_eq!(extended(vec![None; faces.len()], &faces), None);
         // Blue above, brown below, with a red face among the blue ones: nothing is known between.
         let height =
             |face: &[u32; 3]| face.iter().map(|i| corners[*i as usize].y).sum::<f32>() / 3.0;
@@ -321,13 +323,13 @@ mod tests {
                 _ => None,
             })
             .collect();
-        let all = continued(colors.clone(), &faces).unwrap();
+        let all = extended(colors.clone(), &faces).unwrap();
         assert!(
-            colors.iter().zip(&all).all(|(known, color)| known.is_none_or(|known| known == *color))
+            colors.iter().zip(&all).all(|(given, color)| given.is_none_or(|given| given == *color))
         );
-        let beside = beside(&faces);
+        let adjacent = adjacent_faces(&faces);
         for i in (0..faces.len()).filter(|i| height(&faces[*i]).abs() < 0.5) {
-            let steps = beside[i].map(|j| Vec3::from(all[i]).distance(Vec3::from(all[j])));
+            let steps = adjacent[i].map(|j| Vec3::from(all[i]).distance(Vec3::from(all[j])));
             assert!(steps.iter().all(|step| *step < 0.12), "{i}: {steps:?}");
             let [_, _, blue] = all[i];
             let h = height(&faces[i]);

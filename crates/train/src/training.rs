@@ -102,29 +102,18 @@ impl<'a> Training<'a> {
         let identity = RunIdentity::of(dataset, inputs.background, inputs.from.as_ref());
         let mut photos = Pyramid::new(&views, photo_bytes, MIN_PX);
         let spending = inputs.spending();
-        let mut warnings = Vec::new();
-        let Checkpoint { state, visibility, mut meta } = match inputs.resume.take() {
-            Some(mut checkpoint) => {
-                let before = std::mem::replace(&mut checkpoint.meta.identity, identity);
-                let differences = differences(
-                    &before,
-                    &checkpoint.meta.identity,
-                    &mut photos,
-                    inputs.force_resume,
-                )?;
-                warnings = differences
-                    .map(|difference| format!("resumed although {difference}"))
-                    .collect();
-                checkpoint
-            }
+        let (checkpoint, warnings) = match inputs.resume.take() {
+            Some(checkpoint) => resume(checkpoint, identity, &mut photos, inputs.force_resume)?,
             None => {
                 inputs.options.validate()?;
-                initial_checkpoint(&views, &inputs, identity, &mut photos)?
+                let checkpoint = initial_checkpoint(&views, &inputs, identity, &mut photos)?;
+                (checkpoint, Vec::new())
             }
         };
+        let Checkpoint { state, visibility, mut meta } = checkpoint;
         meta.pace = inputs.budget_control.map(|control| control.pace).or(meta.pace);
         if let (Some(pace), Some(spending)) = (&mut meta.pace, &spending) {
-            // Pictures of a teacher, the shell, and what a resumed run reads again are no steps.
+            // Pictures of a teacher, the shell, and reading a checkpoint again are no steps.
             pace.resume(spending.seconds());
         }
         // A scene that teaches itself stays in the frame of its file, so its provenance stays true.
@@ -722,6 +711,24 @@ fn with_remedy(error: Error, checkpoint: Option<(u64, PathBuf)>) -> Error {
         },
         (error, _) => error,
     }
+}
+
+/// Continues `checkpoint` with the inputs of `identity`; returns warnings about their differences
+/// too.
+///
+/// # Errors
+///
+/// As [`differences`].
+fn resume(
+    mut checkpoint: Checkpoint,
+    identity: RunIdentity,
+    photos: &mut Pyramid,
+    force: bool,
+) -> Result<(Checkpoint, Vec<String>)> {
+    let before = std::mem::replace(&mut checkpoint.meta.identity, identity);
+    let differences = differences(&before, &checkpoint.meta.identity, photos, force)?;
+    let warnings = differences.map(|difference| format!("resumed although {difference}")).collect();
+    Ok((checkpoint, warnings))
 }
 
 /// The random background of an object at a step, sRGB-encoded: each channel is 0 or 255. Colours

@@ -10,12 +10,12 @@ use trisplat_scene::parallel;
 /// Triangles per parallel job.
 const CHUNK: usize = 512;
 
-/// Corners move in proportion to their triangle's size, so a step is the same share of every
-/// triangle, whatever the unit of the scene. Least and largest size that counts, scene units: for
-/// slivers and for triangles around everything.
+/// Minimum and maximum size that counts for the step of a triangle's corners, scene units: for
+/// slivers and for triangles around everything. Corners move in proportion to the size, so a step
+/// is the same share of every triangle, whatever the unit of the scene.
 pub(crate) const SIZES: [f32; 2] = [0.001, 0.3];
 
-/// The largest size that counts is at most this, divided by the root of the number of triangles:
+/// Largest size that counts, times the root of the number of triangles:
 /// about six times the median of a trained capture. Triangles that grow far beyond it hide whole
 /// walls before a photo is drawn that shows the harm.
 pub(crate) const SIZE_OF_ALL: f32 = 15.0;
@@ -54,13 +54,13 @@ fn sum_of<T: Sync>(values: &[T], number: impl Fn(&T) -> f64 + Sync) -> f64 {
     sums.iter().sum()
 }
 
-/// The root of a triangle's area, from the least of [`SIZES`] to `most`.
-fn size(v: &[Vec3; 3], most: f32) -> f32 {
-    (0.5 * cross(v).length()).sqrt().clamp(SIZES[0], most)
+/// The root of a triangle's area, from the smaller of [`SIZES`] to `max_size`.
+fn size(v: &[Vec3; 3], max_size: f32) -> f32 {
+    (0.5 * cross(v).length()).sqrt().clamp(SIZES[0], max_size)
 }
 
 /// The largest size that counts in a scene of `triangles`.
-fn most_size(triangles: usize) -> f32 {
+fn max_size(triangles: usize) -> f32 {
     (SIZE_OF_ALL / (triangles.max(1) as f32).sqrt()).clamp(SIZES[0], SIZES[1])
 }
 
@@ -92,7 +92,7 @@ pub(crate) fn update(
         used: (usize::from(rates.sh_degree.min(state.params.sh_degree)) + 1).pow(2),
         rates,
         regularisers,
-        most_size: most_size(state.params.len()),
+        max_size: max_size(state.params.len()),
         corners: Rate::new(rates.corners, rates.time),
         opacity: Rate::new(rates.opacity, rates.time),
         sigma: Rate::new(rates.sigma, rates.time),
@@ -150,7 +150,7 @@ struct UpdateStep<'a> {
     rates: &'a StepParams,
     regularisers: &'a Regularisers,
     /// The largest size of a triangle that counts.
-    most_size: f32,
+    max_size: f32,
     corners: Rate,
     opacity: Rate,
     sigma: Rate,
@@ -217,10 +217,12 @@ impl UpdateStep<'_> {
         if self.regularisers.d_area != 0.0 {
             let by_area = area_grad(x, self.regularisers.d_area);
             let by_area: &[f32; 9] = bytemuck::cast_ref(&by_area);
-            d.iter_mut().zip(by_area).for_each(|(d, a)| *d += a);
+            for (d, by_area) in d.iter_mut().zip(by_area) {
+                *d += by_area;
+            }
         }
         let flat = |a| bytemuck::cast_mut::<[Vec3; 3], [f32; 9]>(a).as_mut_slice();
-        adam(self.corners.times(size(x, self.most_size)), flat(x), &d, flat(m), flat(v));
+        adam(self.corners.times(size(x, self.max_size)), flat(x), &d, flat(m), flat(v));
     }
 }
 
@@ -313,9 +315,9 @@ mod tests {
 
     #[test]
     fn the_largest_size_falls_with_the_number_of_triangles() {
-        assert_eq!([0, 1, 2500].map(most_size), [0.3; 3]);
-        assert_eq!([22_500, 1_000_000].map(most_size), [0.1, 0.015]);
-        assert_eq!(most_size(usize::MAX), SIZES[0]);
+        assert_eq!([0, 1, 2500].map(max_size), [0.3; 3]);
+        assert_eq!([22_500, 1_000_000].map(max_size), [0.1, 0.015]);
+        assert_eq!(max_size(usize::MAX), SIZES[0]);
     }
 
     #[test]

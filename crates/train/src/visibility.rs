@@ -57,23 +57,25 @@ impl VisibilityStats {
         self.drawn.iter().all(|drawn| *drawn)
     }
 
-    /// Merges what was seen in frames; with `counts`, of photos that are not counted yet. `full_px`
-    /// is the size of a frame's pixel in pixels of the full photo.
-    pub fn merge(&mut self, seen: &Importance, counts: bool, full_px: f32) {
+    /// Merges the importance of triangles in frames; with `is_first`, of photos that are drawn for
+    /// the first time. `full_px` is the size of a frame's pixel in pixels of the full photo.
+    pub fn merge(&mut self, importance: &Importance, is_first: bool, full_px: f32) {
         for i in 0..self.max_weight.len() {
-            self.max_weight[i] = self.max_weight[i].max(seen.max_weight[i]);
-            self.radius_px[i] = self.radius_px[i].max(full_px * seen.max_radius_px[i]);
-            self.nearness[i] = self.nearness[i].max(seen.nearness[i]);
-            if counts {
-                self.sum_weight[i] += full_px * full_px * seen.sum_weight[i];
-                self.views[i] += seen.views[i];
+            self.max_weight[i] = self.max_weight[i].max(importance.max_weight[i]);
+            self.radius_px[i] = self.radius_px[i].max(full_px * importance.max_radius_px[i]);
+            self.nearness[i] = self.nearness[i].max(importance.nearness[i]);
+            if is_first {
+                self.sum_weight[i] += full_px * full_px * importance.sum_weight[i];
+                self.views[i] += importance.views[i];
             }
         }
     }
 
     /// Adds errors of the same triangles.
     pub fn add_errors(&mut self, errors: &[u64]) {
-        self.error.iter_mut().zip(errors).for_each(|(sum, e)| *sum = sum.saturating_add(*e));
+        for (sum, error) in self.error.iter_mut().zip(errors) {
+            *sum = sum.saturating_add(*error);
+        }
     }
 
     /// Appends triangle `i` of `from`, its error reset.

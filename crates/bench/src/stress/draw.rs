@@ -21,7 +21,7 @@ use trisplat_scene::{Result, Rng};
 /// Distance to a jump below which a pixel is not compared.
 pub(super) const UNDECIDED: f64 = 5e-4;
 /// Distance to a jump or kink below which a pixel has no gradient: beyond it windows are above
-/// `ratio_least`.
+/// `min_ratio`.
 const KINK: f64 = 2e-3;
 /// A gradient's error is relative to at least this share of the largest entry of all triangles.
 const SMALL_SHARE: f64 = 0.02;

@@ -121,7 +121,9 @@ pub(super) fn lane_sum<R: LossNumber>(values: &[R]) -> f64 {
 pub(super) fn weight_by<R: LossNumber>(values: &mut [R], weight: Option<&[R]>) {
     if let Some(weight) = weight {
         for (pixel, &w) in values.chunks_exact_mut(3).zip(weight) {
-            pixel.iter_mut().for_each(|v| *v = *v * w);
+            for value in pixel.iter_mut() {
+                *value = *value * w;
+            }
         }
     }
 }

@@ -57,11 +57,11 @@ pub fn mean_window(sigma: f32) -> f32 {
     2.0 / ((sigma + 1.0) * (sigma + 2.0))
 }
 
-/// ∂L/∂σ and ∂L/∂ratio for `d_log` = ∂L/∂alpha · alpha (which is also ∂L/∂o · o). `ratio_least`
+/// ∂L/∂σ and ∂L/∂ratio for `d_log` = ∂L/∂alpha · alpha (which is also ∂L/∂o · o). `min_ratio`
 /// bounds the quotient: at a small σ the slope at the boundary is unbounded.
 #[inline(always)]
-pub fn alpha_grad<R: Real>(ratio: R, log2_ratio: R, sigma: R, ratio_least: R, d_log: R) -> (R, R) {
-    (d_log * log2_ratio * R::of(LN_2), d_log * sigma / ratio.max(ratio_least))
+pub fn alpha_grad<R: Real>(ratio: R, log2_ratio: R, sigma: R, min_ratio: R, d_log: R) -> (R, R) {
+    (d_log * log2_ratio * R::of(LN_2), d_log * sigma / ratio.max(min_ratio))
 }
 
 /// The part of a pixel that a triangle covers; `distances` are those of its centre to the three

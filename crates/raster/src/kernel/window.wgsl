@@ -28,8 +28,8 @@ fn window_alpha(log2_ratio: f32, log2_opacity: f32, sigma: f32) -> f32 {
 }
 
 // dL/dsigma and dL/dratio.
-fn alpha_grad(ratio: f32, log2_ratio: f32, sigma: f32, ratio_least: f32, d_log: f32) -> vec2<f32> {
-    return vec2(d_log * log2_ratio * LN_2, d_log * sigma / max(ratio, ratio_least));
+fn alpha_grad(ratio: f32, log2_ratio: f32, sigma: f32, min_ratio: f32, d_log: f32) -> vec2<f32> {
+    return vec2(d_log * log2_ratio * LN_2, d_log * sigma / max(ratio, min_ratio));
 }
 
 fn coverage(distances: vec3<f32>) -> f32 {

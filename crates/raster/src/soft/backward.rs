@@ -28,8 +28,8 @@ pub(super) fn draw_grad(
 ) {
     let GradSlots { base, geometry } = slots;
     base.resize(tiles.entries.len(), GradSlot::default());
-    let wanted = if options.geometry { tiles.entries.len() } else { 0 };
-    geometry.resize(wanted, GeometryGradSlot::default());
+    let geometry_slots = if options.geometry { tiles.entries.len() } else { 0 };
+    geometry.resize(geometry_slots, GeometryGradSlot::default());
     let base = split_by_tile(base, &tiles.starts);
     let geometry = split_by_tile(geometry, &tiles.starts);
     parallel::for_each(base.into_iter().zip(geometry), |tile, (slots, geometry_slots)| {
@@ -217,7 +217,7 @@ impl TileBackward<'_> {
             broadcast: BroadcastSplat::new(&self.splats.records[splat]),
             plane: geometry.map(|g| (g, BroadcastPlane::new(&self.splats.planes[splat]))),
             limits: PixelLimits::new(self.options),
-            ratio_least: L::splat(self.options.ratio_least),
+            min_ratio: L::splat(self.options.min_ratio),
         }
     }
 
@@ -303,7 +303,7 @@ struct BackwardSplat<'a, L> {
     broadcast: BroadcastSplat<L>,
     plane: Option<(&'a GeometryGrad<'a>, BroadcastPlane<L>)>,
     limits: PixelLimits<L>,
-    ratio_least: L,
+    min_ratio: L,
 }
 
 /// Sums over the blocks of one splat in one tile, lane by lane.
@@ -333,7 +333,9 @@ impl<L: Lanes> SlotSums<L> {
 }
 
 fn add(to: &mut [f32], other: &[f32]) {
-    to.iter_mut().zip(other).for_each(|(a, b)| *a += b);
+    for (a, b) in to.iter_mut().zip(other) {
+        *a += b;
+    }
 }
 
 impl<L: Lanes> BackwardSplat<'_, L> {
@@ -377,11 +379,11 @@ impl<L: Lanes> BackwardSplat<'_, L> {
         let d_alpha = window::blend_grad(before, s.alpha, value, behind, last, background);
         let d_log = (d_alpha * s.raw).masked(s.drawn.and(s.raw.le(self.limits.cap)));
         let sigma = self.broadcast.sigma;
-        let least = self.ratio_least;
+        let min_ratio = self.min_ratio;
         let (d_sigma, d_ratio, edges) = match self.limits.window {
             Window::Soft => {
                 let (d_sigma, d_ratio) =
-                    window::alpha_grad(s.ratio, s.log2_ratio, sigma, least, d_log);
+                    window::alpha_grad(s.ratio, s.log2_ratio, sigma, min_ratio, d_log);
                 (d_sigma, d_ratio, window::nearest(&s.ratios))
             }
             Window::Coverage { .. } => {

@@ -192,7 +192,9 @@ impl DrawTile<'_> {
         let alive = self.pixels.alive;
         let mut layers = BlockLayers::default();
         layers.begin(self.entries, self.splats);
-        self.entries.iter_mut().for_each(|e| e.blocks &= !alive);
+        for entry in self.entries.iter_mut() {
+            entry.blocks &= !alive;
+        }
         for b in (0..BLOCKS).filter(|b| alive >> b & 1 == 1) {
             layers.find::<L>(self.entries, self.splats, self.corner, b, self.options);
             layers.replay::<L>(

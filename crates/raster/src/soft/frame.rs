@@ -54,7 +54,7 @@ pub struct SoftOptions {
     pub fade_px: f32,
     /// Minimum ratio at which ∂I/∂ratio is evaluated, which limits the steepness of the window; 0 is
     /// exact.
-    pub ratio_least: f32,
+    pub min_ratio: f32,
     /// Draw depth, normal and distortion too.
     pub geometry: bool,
     /// Depths that the distortion maps to 0 and 1 (0.2 and 100 in the reference code).
@@ -76,7 +76,7 @@ impl Default for SoftOptions {
             min_transmittance: 1e-4,
             near: 0.01,
             fade_px: 0.5,
-            ratio_least: 1e-3,
+            min_ratio: 1e-3,
             geometry: false,
             depth_range: [0.2, 100.0],
             importance: false,

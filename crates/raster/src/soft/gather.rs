@@ -156,18 +156,20 @@ pub(super) fn gather(
         .zip(out.opacity.chunks_mut(CHUNK))
         .zip(out.sigma.chunks_mut(CHUNK))
         .zip(out.sh.chunks_mut(CHUNK * k).zip(out.error.chunks_mut(CHUNK)));
-    let found: Vec<(Vec<u32>, usize)> =
+    let results: Vec<(Vec<u32>, usize)> =
         parallel::map(rows, |c, (((vertices, opacity), sigma), (sh, error))| {
             let first = c * CHUNK;
             let mut rows =
                 GradRows { soup, camera, options, first, vertices, opacity, sigma, sh, error, k };
-            stale.visible_in(first..first + CHUNK).iter().for_each(|&t| rows.zero(t as usize));
+            for &triangle in stale.visible_in(first..first + CHUNK) {
+                rows.zero(triangle as usize);
+            }
             rows.fill(pairs, &pairs.chunks[c].projected)
         });
     out.visible = stale.visible;
     out.visible.clear();
     out.dropped = 0;
-    for (visible, dropped) in found {
+    for (visible, dropped) in results {
         out.visible.extend(visible);
         out.dropped += dropped;
     }

@@ -332,7 +332,8 @@ impl BlockLayers {
         let limits = self.limits();
         let mut occluder = OccluderDepth::<L>::new(options.min_transmittance);
         for &entry in &self.entries[self.starts[b]..self.starts[b + 1]] {
-            let (entry, number) = (entry as usize, entries[entry as usize].splat as usize);
+            let entry = entry as usize;
+            let number = entries[entry].splat as usize;
             let splat = BroadcastSplat::<L>::new(&splats.records[number]);
             let plane = BroadcastPlane::<L>::new(&splats.planes[number]);
             let inv_depth = plane.inv_depth(splat.offset(self.corner));
@@ -376,12 +377,12 @@ impl BlockLayers {
         behind: &mut [f32; LANES],
         min_transmittance: f32,
     ) {
-        let least = L::splat(min_transmittance);
+        let end = L::splat(min_transmittance);
         self.left.clear();
         self.left.extend(self.layers.iter_mut().map(|layer| std::mem::take(&mut layer.drawn)));
         loop {
             let before = L::load(transmittance);
-            let alive = L::bits(least.le(before));
+            let alive = L::bits(end.le(before));
             let Some(front) = self.front::<L>(alive) else { break };
             let (weight, after) = window::blend(before, front.alpha);
             after.store(transmittance);

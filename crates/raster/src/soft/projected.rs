@@ -210,9 +210,9 @@ pub(super) fn direction(camera: &KernelCamera, [v0, v1, v2]: &[Vec3; 3]) -> (V3<
     let offset = (*v0 - camera.position) + ((*v1 - *v0) + (*v2 - *v0)) * (1.0 / 3.0);
     let size = offset.abs().max_element();
     // The squares of much smaller or larger numbers leave the range of f32.
-    let usual = (1e-15..1e15).contains(&size);
+    let is_in_range = (1e-15..1e15).contains(&size);
     let length =
-        if usual || size == 0.0 { offset.length() } else { (offset / size).length() * size };
+        if is_in_range || size == 0.0 { offset.length() } else { (offset / size).length() * size };
     let unit = if length > 0.0 { offset / length } else { Vec3::Z };
     (v3(unit), length)
 }

@@ -377,8 +377,8 @@ pub(super) fn key(w: f32, face: u32) -> SampleKey {
 /// the picture.
 pub(super) fn farthest(keys: &SampleKeys, size: UVec2) -> f32 {
     let rows = keys.chunks(STRIDE).take(size.y as usize);
-    let least = rows.map(|row| row[..size.x as usize].iter().copied().min().unwrap_or(0));
-    inverse_depth_of(least.min().unwrap_or(0))
+    let minima = rows.map(|row| row[..size.x as usize].iter().copied().min().unwrap_or(0));
+    inverse_depth_of(minima.min().unwrap_or(0))
 }
 
 /// Column and row of a tile.
@@ -410,8 +410,8 @@ impl TileDepths {
             planes.iter().map(|keys| farthest(keys, size)).fold(f32::INFINITY, f32::min)
         };
         let tiles: Vec<f32> = parallel::map(keys.chunks(planes), of_tile);
-        let least = |row: &[f32]| row.iter().copied().fold(f32::INFINITY, f32::min);
-        let rows = tiles.chunks(tile_count(size).x as usize).map(least).collect();
+        let minimum = |row: &[f32]| row.iter().copied().fold(f32::INFINITY, f32::min);
+        let rows = tiles.chunks(tile_count(size).x as usize).map(minimum).collect();
         Self { tiles, rows }
     }
 
@@ -427,6 +427,6 @@ impl TileDepths {
     pub(super) fn hides_all(&self, rows: &RangeInclusive<i32>, nearest: f32) -> bool {
         self.rows[*rows.start() as usize..=*rows.end() as usize]
             .iter()
-            .all(|least| nearest < *least)
+            .all(|depth| nearest < *depth)
     }
 }

@@ -86,8 +86,8 @@ fn draw_tiny<L: Lanes>(keys: &mut SampleKeys, tiny: &TinyTriangle) {
     let per = 1.0 / area as f32;
     let slope1 = L::splat((w1 - w0) * per);
     let slope2 = L::splat((w2 - w0) * per);
-    let least_w = w0.min(w1).min(w2);
-    let most_w = w0.max(w1).max(w2);
+    let min_w = w0.min(w1).min(w2);
+    let max_w = w0.max(w1).max(w2);
     let mut at_y = first_y;
     while at_y <= last_y {
         let mut at_x = first_x;
@@ -110,7 +110,7 @@ fn draw_tiny<L: Lanes>(keys: &mut SampleKeys, tiny: &TinyTriangle) {
             let mut bits = L::bits(covered);
             if bits != 0 {
                 let w = L::splat(w0) + (e1 * slope1 + e2 * slope2);
-                let w = w.max(L::splat(least_w)).min(L::splat(most_w));
+                let w = w.max(L::splat(min_w)).min(L::splat(max_w));
                 let mut depths = [0.0; LANES];
                 w.store(&mut depths);
                 let start = at_y as usize * STRIDE + at_x as usize;
@@ -241,7 +241,7 @@ impl Edge {
     /// instructions.
     #[inline(always)]
     fn narrow(&self, row: i32, spans: &mut Spans) {
-        let most = TILE_WIDTH as f64;
+        let width = TILE_WIDTH as f64;
         let step = self.right;
         let mut short = [0.0; ROWS];
         for (r, short) in short.iter_mut().enumerate() {
@@ -249,14 +249,14 @@ impl Edge {
         }
         if step > 0.0 {
             for (first, short) in spans.first.iter_mut().zip(&short) {
-                let k = (short / step).ceil().max(0.0).min(most);
+                let k = (short / step).ceil().max(0.0).min(width);
                 let back = if (k - 1.0) * step >= *short { 1.0 } else { 0.0 };
                 let on = if k * step < *short { 1.0 } else { 0.0 };
                 *first = first.max(k - back + on);
             }
         } else if step < 0.0 {
             for (last, short) in spans.last.iter_mut().zip(&short) {
-                let k = (short / step).floor().max(-1.0).min(most);
+                let k = (short / step).floor().max(-1.0).min(width);
                 let on = if (k + 1.0) * step >= *short { 1.0 } else { 0.0 };
                 let back = if k * step < *short { 1.0 } else { 0.0 };
                 *last = last.min(k + on - back);

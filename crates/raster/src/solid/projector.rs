@@ -236,13 +236,15 @@ impl ClipPolygon {
         let mut out = Self::default();
         for (i, from) in self.points().iter().enumerate() {
             let to = &self.points[(i + 1) % self.count];
-            if keep(from) {
+            let keeps_from = keep(from);
+            let keeps_to = keep(to);
+            if keeps_from {
                 out.push(*from);
             }
-            match (keep(from), keep(to)) {
-                (true, false) => out.push(between(from, to, &distance)),
-                (false, true) => out.push(between(to, from, &distance)),
-                _ => {}
+            if keeps_from && !keeps_to {
+                out.push(between(from, to, &distance));
+            } else if keeps_to && !keeps_from {
+                out.push(between(to, from, &distance));
             }
         }
         out

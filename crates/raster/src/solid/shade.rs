@@ -104,12 +104,12 @@ impl ShadeTile<'_, '_> {
     /// Shades samples as engines filter textures: trilinear, at the level where a texel is as large
     /// as a pixel.
     fn shade_textured(&self, y: usize, texture: &FaceTexture, row: &mut SampleRow) {
-        let mut seen = (NO_FACE, None);
+        let mut last_face = (NO_FACE, None);
         for (x, face) in self.faces::<TILE_WIDTH>(0, y).into_iter().enumerate() {
             let mut color = self.background;
             if face != NO_FACE {
-                if face != seen.0 {
-                    seen = (
+                if face != last_face.0 {
+                    last_face = (
                         face,
                         Some(FaceBarycentrics::new(
                             self.projector,
@@ -117,7 +117,9 @@ impl ShadeTile<'_, '_> {
                         )),
                     );
                 }
-                let (Some(weights), uvs) = (&seen.1, &texture.uvs[face as usize]) else { continue };
+                let (Some(weights), uvs) = (&last_face.1, &texture.uvs[face as usize]) else {
+                    continue;
+                };
                 let page = texture.texture(face as usize);
                 let size = page.size().as_vec2();
                 let at = |x: u32, y: u32| weights.mixed(self.projector.ray(x, y), uvs);

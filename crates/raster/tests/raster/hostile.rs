@@ -66,8 +66,8 @@ fn hostile_scenes_stay_finite() {
             for (size, cap, near) in
                 [([37, 29], 0.99, 0.01), ([1, 1], 1.0, 1e-6), ([16, 5], 1.0, 1e-30)]
             {
-                for ratio_least in [0.0, 1e-3] {
-                    let o = SoftOptions { sort, alpha_cap: cap, near, ratio_least, ..options() };
+                for min_ratio in [0.0, 1e-3] {
+                    let o = SoftOptions { sort, alpha_cap: cap, near, min_ratio, ..options() };
                     let Outputs { frame, grad, .. } = draw(&soup, &camera(size), &o, 1);
                     let finite = |v: &[f32]| v.iter().all(|x| x.is_finite());
                     let colors = frame.rgb.as_flattened().iter().chain(frame.normal.as_flattened());

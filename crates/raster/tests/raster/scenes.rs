@@ -45,7 +45,7 @@ pub(crate) fn options() -> SoftOptions {
         background: [0.2, 0.5, 0.9],
         geometry: true,
         importance: true,
-        ratio_least: 0.0,
+        min_ratio: 0.0,
         near: 0.4,
         ..SoftOptions::default()
     }

@@ -66,11 +66,12 @@ impl GpuBackend {
     ///
     /// The card or its driver cannot run the passes, or computes something wrong.
     pub fn new(gpu: Gpu, options: SoftOptions, limits: GpuLimits) -> Result<Self> {
-        let most = gpu.device.limits().max_storage_buffers_per_shader_stage;
-        if most < STORAGE_BUFFERS {
+        let max_buffers = gpu.device.limits().max_storage_buffers_per_shader_stage;
+        if max_buffers < STORAGE_BUFFERS {
             let name = &gpu.info.name;
-            let what =
-                format!("{name} binds {most} buffers at once, training needs {STORAGE_BUFFERS}");
+            let what = format!(
+                "{name} binds {max_buffers} buffers at once, training needs {STORAGE_BUFFERS}"
+            );
             return Err(Error::Gpu(format!("{what}; train on the CPU (`backend` cpu)")));
         }
         let small = |what, numbers: usize| storage(&gpu, what, 4 * numbers as u64, REMEDY);
@@ -164,12 +165,13 @@ impl GpuBackend {
 
     /// First capacity for pairs, at most what the card can bind.
     fn first_pairs(&self, triangles: u32) -> u32 {
-        let GpuLimits { pairs_each, pairs_least, binding_bytes, .. } = self.limits;
-        let most = u64::from(SLOT_PARTS) * (binding_bytes / (4 * u64::from(GEOMETRY_SLOT_NUMBERS)));
+        let GpuLimits { pairs_per_triangle, min_pairs, binding_bytes, .. } = self.limits;
+        let max_pairs =
+            u64::from(SLOT_PARTS) * (binding_bytes / (4 * u64::from(GEOMETRY_SLOT_NUMBERS)));
         triangles
-            .saturating_mul(pairs_each)
-            .max(pairs_least)
-            .min(u32::try_from(most).unwrap_or(u32::MAX))
+            .saturating_mul(pairs_per_triangle)
+            .max(min_pairs)
+            .min(u32::try_from(max_pairs).unwrap_or(u32::MAX))
     }
 
     /// Submits a step to the card.
@@ -430,7 +432,7 @@ pub(crate) fn expected_bytes(size: &RunSize, limits: &GpuLimits) -> u64 {
     // Parameters, two moments, visibility.
     let scene = 4 * (3 * numbers + VISIBILITY_NUMBERS as u64) * u64::from(triangles);
     let photos = (4 * size.photo_pixels).min(limits.photo_bytes);
-    let pairs = triangles.saturating_mul(limits.pairs_each).max(limits.pairs_least);
+    let pairs = triangles.saturating_mul(limits.pairs_per_triangle).max(limits.min_pairs);
     let binding_bytes = limits.binding_bytes;
     let buffers = StepCapacity {
         pairs,
@@ -451,8 +453,8 @@ mod tests {
             ahead: 2,
             binding_bytes: (2 << 30) - 1,
             photo_bytes: 0,
-            pairs_each: GpuLimits::PAIRS_EACH,
-            pairs_least: 0,
+            pairs_per_triangle: GpuLimits::PAIRS_PER_TRIANGLE,
+            min_pairs: 0,
             spare_splats: 256,
         };
         let photo = UVec2::new(1600, 1000);

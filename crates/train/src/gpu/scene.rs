@@ -124,9 +124,9 @@ impl SceneBuffers {
 
 /// Triangles of `numbers` numbers in a chunk: whole workgroups.
 fn chunk_triangles(numbers: usize, binding_bytes: u64) -> u32 {
-    let most = binding_bytes / (4 * numbers as u64);
-    let most = u32::try_from(most).unwrap_or(u32::MAX - GROUP);
-    (most / GROUP * GROUP).max(GROUP)
+    let max_triangles = binding_bytes / (4 * numbers as u64);
+    let max_triangles = u32::try_from(max_triangles).unwrap_or(u32::MAX - GROUP);
+    (max_triangles / GROUP * GROUP).max(GROUP)
 }
 
 /// Moments of a trained scene; one that is only drawn has none.
@@ -199,13 +199,19 @@ pub(super) fn from_params(params: &Params, chunk: Range<usize>) -> Vec<f32> {
     let sh = &params.sh[chunk.start * k..chunk.end * k];
     let mut rows = vec![0.0; row_count(k) * n];
     parallel::for_each(rows.chunks_mut(n.max(1)), |j, row| match j {
-        0..9 => row.iter_mut().zip(vertices).for_each(|(x, v)| *x = v[j / 3][j % 3]),
+        0..9 => {
+            for (x, corners) in row.iter_mut().zip(vertices) {
+                *x = corners[j / 3][j % 3];
+            }
+        }
         9 => row.copy_from_slice(&params.opacity[chunk.clone()]),
         10 => row.copy_from_slice(&params.sigma[chunk.clone()]),
         _ => {
             let k_at = (j - GEOMETRY_ROWS) / 3;
             let c = (j - GEOMETRY_ROWS) % 3;
-            row.iter_mut().zip(sh.chunks_exact(k)).for_each(|(x, sh)| *x = sh[k_at][c]);
+            for (x, sh) in row.iter_mut().zip(sh.chunks_exact(k)) {
+                *x = sh[k_at][c];
+            }
         }
     });
     rows
@@ -229,45 +235,45 @@ pub(super) fn append(params: &mut Params, rows: &[f32], n: usize) {
     parallel::extend(&mut params.sh, n * k, GRAIN, coefficient);
 }
 
-/// The photos on the card. The one that was used least recently leaves for a new one.
+/// Photos on the card; the least recently used one leaves for a new one.
 #[derive(Debug)]
 pub(super) struct GpuPhotos {
-    held: HashMap<PhotoId, HeldPhoto>,
+    cached: HashMap<PhotoId, CachedPhoto>,
     bytes: u64,
-    most_bytes: u64,
+    max_bytes: u64,
     uses: u64,
 }
 
 #[derive(Debug)]
-struct HeldPhoto {
+struct CachedPhoto {
     buffer: Buffer,
     last_use: u64,
 }
 
 impl GpuPhotos {
-    /// None yet, and never more than `most_bytes`.
-    pub(super) fn new(most_bytes: u64) -> Self {
-        Self { held: HashMap::new(), bytes: 0, most_bytes, uses: 0 }
+    /// No photo yet, and never more than `max_bytes`.
+    pub(super) fn new(max_bytes: u64) -> Self {
+        Self { cached: HashMap::new(), bytes: 0, max_bytes, uses: 0 }
     }
 
     /// Keeps no photo from now on; true when this frees memory.
     pub(super) fn give_up(&mut self) -> bool {
-        let any = !self.held.is_empty();
+        let any = !self.cached.is_empty();
         self.bytes = 0;
-        self.most_bytes = 0;
-        self.held.clear();
+        self.max_bytes = 0;
+        self.cached.clear();
         any
     }
 
     /// A photo, on the card if there is room for it.
     pub(super) fn get(&mut self, gpu: &Gpu, photo: &StepPhoto<'_>) -> PhotoSource {
         let bytes = 4 * photo.pixels.rgb.len() as u64;
-        let id = photo.id.filter(|_| bytes <= self.most_bytes);
-        let held = id.and_then(|id| self.hold(gpu, id, photo, bytes));
-        held.map_or_else(|| PhotoSource::Packed(packed(photo)), PhotoSource::Held)
+        let id = photo.id.filter(|_| bytes <= self.max_bytes);
+        let buffer = id.and_then(|id| self.cache(gpu, id, photo, bytes));
+        buffer.map_or_else(|| PhotoSource::Packed(packed(photo)), PhotoSource::Held)
     }
 
-    fn hold(
+    fn cache(
         &mut self,
         gpu: &Gpu,
         id: PhotoId,
@@ -275,25 +281,25 @@ impl GpuPhotos {
         bytes: u64,
     ) -> Option<Buffer> {
         self.uses += 1;
-        if let Some(held) = self.held.get_mut(&id) {
-            held.last_use = self.uses;
-            return Some(held.buffer.clone());
+        if let Some(photo) = self.cached.get_mut(&id) {
+            photo.last_use = self.uses;
+            return Some(photo.buffer.clone());
         }
-        while self.bytes + bytes > self.most_bytes {
-            let oldest = *self.held.iter().min_by_key(|(_, held)| held.last_use)?.0;
-            self.bytes -= self.held.remove(&oldest).map_or(0, |held| held.buffer.size());
+        while self.bytes + bytes > self.max_bytes {
+            let oldest = *self.cached.iter().min_by_key(|(_, photo)| photo.last_use)?.0;
+            self.bytes -= self.cached.remove(&oldest).map_or(0, |photo| photo.buffer.size());
         }
         let pixel = packed_pixel(photo);
         let usage = BufferUsages::COPY_SRC;
         match filled(gpu, "photo", usage, photo.pixels.rgb.len(), pixel) {
             Ok(buffer) => {
                 self.bytes += buffer.size();
-                self.held.insert(id, HeldPhoto { buffer: buffer.clone(), last_use: self.uses });
+                self.cached.insert(id, CachedPhoto { buffer: buffer.clone(), last_use: self.uses });
                 Some(buffer)
             }
             Err(_) => {
                 // The card is full earlier than expected: its photos stay, new ones do not.
-                self.most_bytes = self.bytes;
+                self.max_bytes = self.bytes;
                 None
             }
         }

@@ -33,7 +33,7 @@ pub(super) struct BindGroups(HashMap<Bound, BindGroup>);
 type Bound = (ComputePipeline, Vec<(Buffer, u64)>);
 
 impl BindGroups {
-    /// Forgets them, when buffers go.
+    /// Drops all bind groups, before buffers go.
     pub(super) fn clear(&mut self) {
         self.0.clear();
     }
@@ -258,7 +258,7 @@ impl Numbers {
     /// Keys repeat, so that a sort that is not stable shows.
     fn new() -> Self {
         let rng = Rng::new(0, "self_test", 0);
-        let at = |i: u32, most: f32| (rng.uniform(u64::from(i)) * most) as u32;
+        let at = |i: u32, bound: f32| (rng.uniform(u64::from(i)) * bound) as u32;
         let sums = (0..LENGTH).map(|i| at(i, 9.0)).collect();
         let keys = (0..LENGTH).map(|i| at(i, 3000.0).wrapping_mul(0x9e37_79b9)).collect();
         Self { sums, keys, places: (0..LENGTH).collect() }
@@ -280,10 +280,12 @@ impl Numbers {
     fn fault(&self, result: &Self) -> Option<&'static str> {
         let answer = self.answer();
         let sorts = result.keys == answer.keys && result.places == answer.places;
-        match (result.sums == answer.sums, sorts) {
-            (false, _) => Some("prefix sums"),
-            (true, false) => Some("sorts"),
-            (true, true) => None,
+        if result.sums != answer.sums {
+            Some("prefix sums")
+        } else if !sorts {
+            Some("sorts")
+        } else {
+            None
         }
     }
 }

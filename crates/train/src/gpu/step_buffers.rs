@@ -218,8 +218,8 @@ impl StepBuffers {
     /// More than the card has, or binds at once.
     pub(super) fn new(gpu: &Gpu, size: StepCapacity) -> Result<Self> {
         let buffers = size.buffers(|what, bytes| storage(gpu, what, bytes, REMEDY))?;
-        let most = [size.splats, size.pairs, size.layers, 0];
-        gpu.queue.write_buffer(&buffers.most, 0, bytemuck::cast_slice(&most));
+        let capacity = [size.splats, size.pairs, size.layers, 0];
+        gpu.queue.write_buffer(&buffers.most, 0, bytemuck::cast_slice(&capacity));
         Ok(buffers)
     }
 }
@@ -234,21 +234,23 @@ pub struct GpuLimits {
     /// Photos that stay on the card, bytes: 4 per pixel.
     pub photo_bytes: u64,
     /// First capacity for pairs of triangles and tiles, per triangle.
-    pub pairs_each: u32,
+    pub pairs_per_triangle: u32,
     /// Minimum first capacity for pairs.
-    pub pairs_least: u32,
+    pub min_pairs: u32,
     /// First capacity for triangles through the near plane, which are two splats each; a 64th of
     /// all triangles is added.
     pub spare_splats: u32,
 }
 
-/// Photos of 1.6 megapixels: about 300, and 80.
-const PHOTO_BYTES: (u64, u64) = (2 << 30, 512 << 20);
+/// Memory for photos on a card of its own, bytes: about 300 of 1.6 megapixels.
+const DISCRETE_PHOTO_BYTES: u64 = 2 << 30;
+/// Memory for photos on other cards, bytes: about 80 of 1.6 megapixels.
+const SHARED_PHOTO_BYTES: u64 = 512 << 20;
 
 impl GpuLimits {
     /// Scenes of small triangles need fewer, because not all are in view; scenes of large triangles
     /// are small, and their buffers grow.
-    pub(super) const PAIRS_EACH: u32 = 2;
+    pub(super) const PAIRS_PER_TRIANGLE: u32 = 2;
 
     /// The limits for a card. No graphics API tells the memory of a card, so photos get an amount
     /// that every card of its kind can spare. When memory runs out, they are dropped first.
@@ -258,13 +260,13 @@ impl GpuLimits {
             ahead: 2,
             binding_bytes: limits.max_storage_buffer_binding_size.min(limits.max_buffer_size),
             photo_bytes: match gpu.info.device_type {
-                DeviceType::DiscreteGpu => PHOTO_BYTES.0,
+                DeviceType::DiscreteGpu => DISCRETE_PHOTO_BYTES,
                 // A CPU shares main memory, which holds the photos already.
                 DeviceType::Cpu => 0,
-                _ => PHOTO_BYTES.1,
+                _ => SHARED_PHOTO_BYTES,
             },
-            pairs_each: Self::PAIRS_EACH,
-            pairs_least: 1 << 18,
+            pairs_per_triangle: Self::PAIRS_PER_TRIANGLE,
+            min_pairs: 1 << 18,
             spare_splats: GROUP,
         }
     }
@@ -272,14 +274,14 @@ impl GpuLimits {
 
 /// The capacity that a step lacked, with a margin; such a step did nothing.
 pub(super) fn missing_capacity(counts: &[u32]) -> Option<StepCapacity> {
-    let wanted = |count: Count| {
+    let enlarged = |count: Count| {
         let n = counts[count as usize];
         n.saturating_add(n / 4)
     };
     let more = StepCapacity {
-        splats: wanted(Count::WantedSplats),
-        pairs: wanted(Count::WantedPairs),
-        layers: wanted(Count::WantedLayers),
+        splats: enlarged(Count::WantedSplats),
+        pairs: enlarged(Count::WantedPairs),
+        layers: enlarged(Count::WantedLayers),
         ..StepCapacity::default()
     };
     (more != StepCapacity::default()).then_some(more)

@@ -313,6 +313,6 @@ impl StepPasses<'_> {
 
 /// Digits of the largest number of a tile.
 fn tile_digits(plan: &StepPlan) -> u32 {
-    let most = plan.tiles.element_product().max(2) - 1;
-    (u32::BITS - most.leading_zeros()).div_ceil(DIGIT_BITS)
+    let last_tile = plan.tiles.element_product().max(2) - 1;
+    (u32::BITS - last_tile.leading_zeros()).div_ceil(DIGIT_BITS)
 }

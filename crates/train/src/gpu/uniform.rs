@@ -184,7 +184,7 @@ impl StepUniform {
                 options.alpha_cap,
                 options.min_transmittance,
             ],
-            edges: [options.fade_px, options.ratio_least, width, flag(options.linear)],
+            edges: [options.fade_px, options.min_ratio, width, flag(options.linear)],
             modes: [
                 plan.window(),
                 u32::from(plan.by_pixel()),

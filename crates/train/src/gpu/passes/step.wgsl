@@ -6,7 +6,7 @@ struct Step {
     lens: vec4<f32>,               // focal lengths and principal point, px
     frame: vec4<u32>,              // width and height in px; tiles across and down
     limits: vec4<f32>,             // cutoff, its log2, alpha cap, smallest transmittance
-    edges: vec4<f32>,              // fade_px, ratio_least, width of the coverage's ramp; is linear
+    edges: vec4<f32>,              // fade_px, min_ratio, width of the coverage's ramp; is linear
     modes: vec4<u32>,              // window, order by pixel, geometry, numbers per slot
     background: vec4<f32>,         // as blended; -
     scene: vec4<u32>,              // triangles, coefficients stored, degree in use, pinned triangles

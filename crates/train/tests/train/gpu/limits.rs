@@ -94,11 +94,11 @@ fn limits_change_no_bit() {
     let plenty = GpuLimits {
         ahead: 0,
         photo_bytes: 0,
-        pairs_each: 64,
+        pairs_per_triangle: 64,
         spare_splats: 1000,
         ..GpuLimits::of(&gpu)
     };
-    let small = GpuLimits { pairs_each: 0, pairs_least: 64, spare_splats: 0, ..plenty };
+    let small = GpuLimits { pairs_per_triangle: 0, min_pairs: 64, spare_splats: 0, ..plenty };
     let photo_bytes = 4 * u64::from(scene::SIZE.element_product());
     let mut backend = GpuBackend::new(gpu, SoftOptions::default(), plenty).unwrap();
     for way in ways() {
@@ -128,7 +128,7 @@ fn limits_change_no_bit() {
             let outcome = run(&mut backend, &way, limits);
             let repeats = backend.repeats() - before;
             eprintln!("{}, {name}: repeated {repeats} times", way.name);
-            assert!(repeats > 1 || limits.pairs_least > 64, "{}, {name}: {repeats}", way.name);
+            assert!(repeats > 1 || limits.min_pairs > 64, "{}, {name}: {repeats}", way.name);
             assert_eq!(outcome.figures, waiting.figures, "{}, {name}", way.name);
             assert!(outcome == waiting, "{}, {name}: other bits", way.name);
         }

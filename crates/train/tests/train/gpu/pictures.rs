@@ -57,8 +57,12 @@ fn pictures_are_those_of_the_cpu() {
     for sh_degree in [0, 3] {
         let soup = soup(600, sh_degree);
         // No room for anything at first: it is made while they are drawn.
-        let limits =
-            GpuLimits { pairs_each: 0, pairs_least: 1, spare_splats: 0, ..GpuLimits::of(&first) };
+        let limits = GpuLimits {
+            pairs_per_triangle: 0,
+            min_pairs: 1,
+            spare_splats: 0,
+            ..GpuLimits::of(&first)
+        };
         let mut scene_on_card = gpu(limits, &soup);
         for (name, options) in ways() {
             for size in [scene::SIZE, UVec2::new(33, 130)] {
