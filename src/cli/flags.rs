@@ -137,7 +137,7 @@ impl OptionSources<'_> {
         preset: impl Fn(P) -> T,
     ) -> Result<Layered<T>> {
         let parsed = serde_json::to_value(parsed).map_err(|error| {
-            Error::invalid("options", error, "values JSON can hold (finite numbers)")
+            Error::invalid_data(format!("the options must be finite numbers and text: {error}"))
         })?;
         let typed = Value::Object(typed_of(&parsed, self.matches)?);
         let layers = Layers::default().settings(self.sets).given(typed);

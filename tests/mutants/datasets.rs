@@ -14,8 +14,8 @@ use trisplat_train::{TrainInputs, TrainOptions, TrainOutputs, checkpoint};
 /// A refusal names its file and is one line of a readable length.
 fn check_refusal(error: &Error, folder: &Path) {
     let message = error.to_string();
-    let named =
-        message.contains(&*folder.to_string_lossy()) || matches!(error, Error::Invalid { .. });
+    let named = message.contains(&*folder.to_string_lossy())
+        || matches!(error, Error::Invalid { .. } | Error::InvalidData(_));
     assert!(named && message.len() < 1500, "{message}");
 }
 

@@ -109,29 +109,8 @@ impl Materials {
         options: &ReadOptions,
         warnings: &mut Vec<String>,
     ) -> bool {
-        let known = self.read(path, options, warnings);
-        let mut in_any_case = BTreeMap::new();
-        for (name, material) in &known {
-            in_any_case.entry(name.to_ascii_lowercase()).or_insert(material);
-        }
-        let alike = |name: &String| in_any_case.get(&name.to_ascii_lowercase()).copied();
-        let of_name = |name: &String| known.get(name).or_else(|| alike(name));
-        let materials: Vec<Option<&MtlMaterial>> = self.names.iter().map(of_name).collect();
-        let lost = self.names.iter().zip(&materials).filter(|(_, material)| material.is_none());
-        let lost: Vec<&str> = lost.map(|(name, _)| name.as_str()).collect();
-        if !known.is_empty() && !lost.is_empty() {
-            let names = lost
-                .iter()
-                .take(MAX_NAMED)
-                .map(|name| excerpt(name))
-                .collect::<Vec<_>>()
-                .join(", ");
-            let more = lost.len().saturating_sub(MAX_NAMED);
-            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-            warnings.push(format!(
-                "materials that no library has, their triangles are white: {names}{more}"
-            ));
-        }
+        let libraries = self.read(path, options, warnings);
+        let materials = self.find_materials(&libraries, warnings);
         if !materials.iter().flatten().any(|material| **material != MtlMaterial::default()) {
             return false;
         }
@@ -183,6 +162,37 @@ impl Materials {
         true
     }
 
+    /// The material of each name that faces use, or of a name that differs in case only; a warning
+    /// counts missing ones.
+    fn find_materials<'m>(
+        &self,
+        libraries: &'m BTreeMap<String, MtlMaterial>,
+        warnings: &mut Vec<String>,
+    ) -> Vec<Option<&'m MtlMaterial>> {
+        let mut in_any_case = BTreeMap::new();
+        for (name, material) in libraries {
+            in_any_case.entry(name.to_ascii_lowercase()).or_insert(material);
+        }
+        let of_name = |name: &String| {
+            let exact = libraries.get(name);
+            exact.or_else(|| in_any_case.get(&name.to_ascii_lowercase()).copied())
+        };
+        let materials: Vec<Option<&MtlMaterial>> = self.names.iter().map(of_name).collect();
+        let missing = self.names.iter().zip(&materials).filter(|(_, material)| material.is_none());
+        let missing: Vec<&str> = missing.map(|(name, _)| name.as_str()).collect();
+        if !libraries.is_empty() && !missing.is_empty() {
+            let names: Vec<String> =
+                missing.iter().take(MAX_NAMED).map(|name| excerpt(name)).collect();
+            let more = missing.len().saturating_sub(MAX_NAMED);
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            warnings.push(format!(
+                "materials that no library has, their triangles are white: {}{more}",
+                names.join(", ")
+            ));
+        }
+        materials
+    }
+
     /// The materials of all libraries, by name.
     fn read(
         &self,
@@ -190,16 +200,16 @@ impl Materials {
         options: &ReadOptions,
         warnings: &mut Vec<String>,
     ) -> BTreeMap<String, MtlMaterial> {
-        let mut known = BTreeMap::new();
+        let mut materials = BTreeMap::new();
         for name in &self.libraries {
-            let read =
-                resolve(path, name, options).and_then(|file| library(&file, options, &mut known));
+            let read = resolve(path, name, options)
+                .and_then(|file| library(&file, options, &mut materials));
             if let Err(error) = read {
                 warnings
                     .push(format!("materials are not read, their triangles are white: {error}"));
             }
         }
-        known
+        materials
     }
 }
 

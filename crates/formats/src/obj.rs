@@ -266,29 +266,9 @@ pub fn write(
         writeln!(out, "# {comment}")?;
     }
     writeln!(out, "mtllib {mtl_name}")?;
-    let unshared = match (&mesh.colors, texture) {
-        // Colours would be multiplied with the texture.
-        (_, Some(_)) => {
-            write_blocks(out, mesh.vertex_count(), |v, block| {
-                push_vector(block, b"v", mesh.positions[v])
-            })?;
-            mesh.indices.is_empty()
-        }
-        (Colors::Vertex(colors), None) => {
-            write_blocks(out, mesh.vertex_count(), |v, block| {
-                push_vertex(block, mesh.positions[v], colors[v]);
-            })?;
-            mesh.indices.is_empty()
-        }
-        (Colors::Face(colors), None) => {
-            write_blocks(out, mesh.face_count(), |face, block| {
-                for corner in mesh.corners(face) {
-                    push_vertex(block, corner, colors[face]);
-                }
-            })?;
-            true
-        }
-    };
+    write_vertices(out, mesh, texture.is_some())?;
+    let unshared =
+        mesh.indices.is_empty() || texture.is_none() && matches!(mesh.colors, Colors::Face(_));
     // Per vertex if all faces agree, else per corner.
     let shared =
         texture.and_then(|(texture, _)| texture.of_vertices(&mesh.indices, mesh.vertex_count()));
@@ -328,6 +308,26 @@ pub fn write(
         }
         block.push(b'\n');
     })
+}
+
+/// Writes the vertices: the mesh's, or three of each face where faces have colours of their own.
+fn write_vertices(out: &mut dyn Write, mesh: &Mesh, is_textured: bool) -> io::Result<()> {
+    // Colours would be multiplied with the texture.
+    if is_textured {
+        return write_blocks(out, mesh.vertex_count(), |v, block| {
+            push_vector(block, b"v", mesh.positions[v])
+        });
+    }
+    match &mesh.colors {
+        Colors::Vertex(colors) => write_blocks(out, mesh.vertex_count(), |v, block| {
+            push_vertex(block, mesh.positions[v], colors[v]);
+        }),
+        Colors::Face(colors) => write_blocks(out, mesh.face_count(), |face, block| {
+            for corner in mesh.corners(face) {
+                push_vertex(block, corner, colors[face]);
+            }
+        }),
+    }
 }
 
 /// Texture coordinates of a corner, from the lower left.

@@ -233,32 +233,32 @@ impl Output {
         path: &Path,
         format: Option<OutputFormat>,
         options: &OutputOptions,
-        beside: &SideFiles,
+        side_files: &SideFiles,
     ) -> Result<Self> {
         let mut output = Self::plan(path, format, options)?;
         let gltf = matches!(output.format, OutputFormat::Glb | OutputFormat::Gltf);
         let level = |i: usize| output.part(&format!("lod{i}"), "`lod` writes more files", options);
-        output.levels = (1..=beside.levels).map(level).collect::<Result<_>>()?;
-        if gltf && beside.levels > 0 {
+        output.levels = (1..=side_files.levels).map(level).collect::<Result<_>>()?;
+        if gltf && side_files.levels > 0 {
             output.tileset = Some(path.with_extension("tileset.json"));
             output.engine_levels =
                 options.target.levels().map(|kind| (path.with_extension(kind.ending()), kind));
         }
-        if beside.backdrop {
+        if side_files.backdrop {
             output.backdrop =
                 Some(Box::new(output.part("backdrop", "`backdrop` file writes one", options)?));
         }
         // A page holds the panorama itself.
-        if beside.sky && output.format != OutputFormat::Html {
+        if side_files.sky && output.format != OutputFormat::Html {
             let ending = format!("sky.{}", options.texture_format.ending());
-            output.sky = Some(output.beside(&ending, "`backdrop` sky writes a picture")?);
+            output.sky = Some(output.side_path(&ending, "`backdrop` sky writes a picture")?);
         }
         // Some targets have a node for the collider.
-        if beside.collision && !(gltf && options.target.has_collision_node()) {
+        if side_files.collision && !(gltf && options.target.has_collision_node()) {
             let file = output.part("collision", "`collision` writes one", options)?;
             output.collision = Some(Box::new(Self { node: COLLISION_NODE, ..file }));
         }
-        if beside.texture && output.format == OutputFormat::Obj {
+        if side_files.texture && output.format == OutputFormat::Obj {
             output.add_picture(options);
         }
         Ok(output)
@@ -318,15 +318,15 @@ impl Output {
         }
     }
 
-    /// The files of OUT.PART.glb, as [`Output::beside`].
+    /// The files of OUT.PART.glb, as [`Output::side_path`].
     fn part(&self, part: &str, what: &str, options: &OutputOptions) -> Result<Self> {
-        let path = self.beside(&format!("{part}.{}", self.ending()), what)?;
+        let path = self.side_path(&format!("{part}.{}", self.ending()), what)?;
         Self::plan(&path, Some(self.format), options)
     }
 
     /// OUT.ENDING; `what` names the content in the error for outputs that cannot have files beside
     /// them.
-    fn beside(&self, ending: &str, what: &str) -> Result<PathBuf> {
+    fn side_path(&self, ending: &str, what: &str) -> Result<PathBuf> {
         let alone =
             matches!(self.format, OutputFormat::Html | OutputFormat::Tiles | OutputFormat::Usdz);
         if alone || self.main.as_os_str() == "-" || is_device(&self.main) {
@@ -343,7 +343,7 @@ impl Output {
     /// Every file that will be written.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
         self.parts().flat_map(|output| {
-            let all = output.beside_main().into_iter().chain(output.level_files());
+            let all = output.side_files().into_iter().chain(output.level_files());
             std::iter::once(output.main.as_path()).chain(all.flatten())
         })
     }
@@ -355,8 +355,8 @@ impl Output {
 
     /// The scene, its backdrop, its collider, its levels.
     fn parts(&self) -> impl Iterator<Item = &Self> {
-        let beside = self.backdrop.as_deref().into_iter().chain(self.collision.as_deref());
-        std::iter::once(self).chain(beside).chain(&self.levels)
+        let side_outputs = self.backdrop.as_deref().into_iter().chain(self.collision.as_deref());
+        std::iter::once(self).chain(side_outputs).chain(&self.levels)
     }
 
     fn import(&self) -> Option<&Path> {
@@ -364,17 +364,17 @@ impl Output {
     }
 
     /// The files of one part beside its first.
-    fn beside_main(&self) -> [Option<&Path>; 4] {
+    fn side_files(&self) -> [Option<&Path>; 4] {
         let [second, picture] = [self.second.as_deref(), self.picture.as_deref()];
         [second, picture, self.import(), self.sky.as_deref()]
     }
 
     /// Every file in the order of publication: each after the files that it names.
     fn publishing_order(&self) -> Vec<&Path> {
-        let beside = self.parts().flat_map(Self::beside_main);
+        let side_files = self.parts().flat_map(Self::side_files);
         let parts = self.parts().skip(1).map(|part| Some(part.main.as_path()));
         let last = std::iter::once(Some(self.main.as_path())).chain(self.level_files());
-        beside.chain(parts).chain(last).flatten().collect()
+        side_files.chain(parts).chain(last).flatten().collect()
     }
 
     /// Starts every file. From here on no other program writes them, and unwritable outputs have
@@ -405,28 +405,28 @@ impl Output {
             return Vec::new();
         }
         let ending = self.ending();
-        let beside = |ending: &str| self.main.with_extension(ending);
-        let level = |i: usize| beside(&format!("lod{i}.{ending}"));
+        let with_ending = |ending: &str| self.main.with_extension(ending);
+        let level = |i: usize| with_ending(&format!("lod{i}.{ending}"));
         let past = self.levels.len() + 1;
-        let mut found: Vec<PathBuf> =
+        let mut stale: Vec<PathBuf> =
             (past..).map(level).take_while(|path| path.exists()).collect();
         let of_levels = |path: &PathBuf| ["bin", "mtl"].map(|ending| path.with_extension(ending));
-        found.extend(found.clone().iter().flat_map(of_levels));
-        let parts = ["backdrop", "collision"].map(|part| beside(&format!("{part}.{ending}")));
-        found.extend(parts.iter().flat_map(of_levels));
-        found.extend(parts);
-        found.extend(["tileset.json", "sky.jpg", "sky.png"].map(beside));
-        found.extend(EngineLevels::ALL.map(|kind| beside(kind.ending())));
+        stale.extend(stale.clone().iter().flat_map(of_levels));
+        let parts = ["backdrop", "collision"].map(|part| with_ending(&format!("{part}.{ending}")));
+        stale.extend(parts.iter().flat_map(of_levels));
+        stale.extend(parts);
+        stale.extend(["tileset.json", "sky.jpg", "sky.png"].map(with_ending));
+        stale.extend(EngineLevels::ALL.map(|kind| with_ending(kind.ending())));
         // Godot writes settings of that name itself: only unchanged ones are ours.
         let name = self.main.file_name().unwrap_or_default().to_string_lossy();
         let import = OutputTarget::Godot
             .sidecar(&name)
             .map(|(name, text)| (self.main.with_file_name(name), text));
         let ours = |(path, text): (PathBuf, String)| {
-            std::fs::read_to_string(&path).is_ok_and(|found| found == text).then_some(path)
+            std::fs::read_to_string(&path).is_ok_and(|existing| existing == text).then_some(path)
         };
-        found.extend(import.and_then(ours));
-        found.retain(|path| path.is_file() && self.paths().all(|written| written != path));
-        found
+        stale.extend(import.and_then(ours));
+        stale.retain(|path| path.is_file() && self.paths().all(|written| written != path));
+        stale
     }
 }

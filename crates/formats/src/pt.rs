@@ -99,9 +99,9 @@ fn read_soup(file: &TorchFile, n: usize, options: &ReadOptions) -> Result<Import
 
 /// Coefficients of every triangle, degree 0 first, and the degree: the lowest of the requested one,
 /// the one reached by training, and that of the file.
-fn read_sh(file: &TorchFile, n: usize, wanted: u8) -> Result<(Vec<[f32; 3]>, u8)> {
+fn read_sh(file: &TorchFile, n: usize, max_degree: u8) -> Result<(Vec<[f32; 3]>, u8)> {
     let dc: Vec<[f32; 3]> = file.values("features_dc", DType::F32, &[&[n, 1, 3], &[n, 3]])?;
-    if wanted == 0 || file.shape("features_rest").is_err() {
+    if max_degree == 0 || file.shape("features_rest").is_err() {
         return Ok((dc, 0));
     }
     let stored = match file.shape("features_rest")? {
@@ -122,7 +122,7 @@ fn read_sh(file: &TorchFile, n: usize, wanted: u8) -> Result<(Vec<[f32; 3]>, u8)
         }
         _ => 3,
     };
-    let degree = wanted.min(active).min(((stored + 1) as f64).sqrt() as u8 - 1);
+    let degree = max_degree.min(active).min(((stored + 1) as f64).sqrt() as u8 - 1);
     if degree == 0 {
         return Ok((dc, 0));
     }

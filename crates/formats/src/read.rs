@@ -271,14 +271,14 @@ pub struct WrittenFiles {
 /// `Invalid` for a name without a known ending, or standard output for several files; `TooLarge`
 /// for a scene that exceeds the format; `Io`.
 pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<WrittenFiles> {
-    let beside = SideFiles {
+    let side_files = SideFiles {
         levels: asset.levels.len(),
         backdrop: matches!(asset.surroundings, SurroundingsStorage::BackdropFile),
         sky: asset.sky().is_some(),
         collision: asset.collision.is_some(),
         texture: asset.mesh.texture.is_some(),
     };
-    let output = Output::of_scene(path, None, options, &beside)?;
+    let output = Output::of_scene(path, None, options, &side_files)?;
     let mut report = Report::new("write");
     output::write(asset, &output, output.start()?, options, &mut report, &mut |_| Continue(()))?;
     Ok(WrittenFiles { files: report.outputs, warnings: report.warnings })

@@ -30,17 +30,19 @@ pub(crate) fn zeroed(path: &Path, count: usize, sh_degree: u8, limits: &Limits) 
     })
 }
 
-/// All bytes of a stream, at most `most`, within the limit of one array.
+/// All bytes of a stream, at most `max_bytes`, within the limit of one array.
 pub(crate) fn read_all(
     path: &Path,
     from: impl Read,
-    most: u64,
+    max_bytes: u64,
     limits: &Limits,
 ) -> Result<Vec<u8>> {
     limits.reserve::<u8>(path.display(), &mut Vec::new(), 0)?;
-    let most = most.min(limits.array_bytes);
+    let max_bytes = max_bytes.min(limits.array_bytes);
     let mut bytes = Vec::new();
-    from.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+    from.take(max_bytes.saturating_add(1))
+        .read_to_end(&mut bytes)
+        .map_err(|e| Error::io(path, e))?;
     limits.reserve::<u8>(path.display(), &mut bytes, 0)?;
     Ok(bytes)
 }

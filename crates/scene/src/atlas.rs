@@ -382,13 +382,15 @@ impl AtlasPatch {
             return product(mean.map_or([255; 3], |level| level.rgb[0]), tint);
         };
         let picture = texture.level(level);
-        let seen = frame.low + at.as_vec2();
-        let texel = |axis: usize| wrap[axis].texel(seen[axis] as i64, picture.size[axis]);
+        let place = frame.low + at.as_vec2();
+        let texel = |axis: usize| wrap[axis].texel(place[axis] as i64, picture.size[axis]);
         let code = picture.rgb[(texel(1) * picture.size.x + texel(0)) as usize];
         match self.tints {
             WHITE => code,
             _ if self.is_even() => product(code, corners[0]),
-            _ => product(code, mixed(corners, self.weights((seen + 0.5) / picture.size.as_vec2()))),
+            _ => {
+                product(code, mixed(corners, self.weights((place + 0.5) / picture.size.as_vec2())))
+            }
         }
     }
 

@@ -46,20 +46,23 @@ pub enum Error {
         /// The accepted values.
         wants: String,
     },
+    /// Data in memory, or all options together, are unusable; the sentence says why.
+    #[error("{0}")]
+    InvalidData(String),
     /// The region to keep holds nothing of the scene, or cannot be determined.
     #[error("crop is {region}: expected {wants}")]
     EmptyRegion {
         /// The region, as in the option `crop`.
         region: String,
-        /// What would be accepted.
+        /// The accepted values.
         wants: String,
     },
     /// The photos do not show the scene.
     #[error("dataset is {fault}: expected {wants}")]
     ForeignPhotos {
-        /// What is wrong with them.
+        /// The fault of the photos.
         fault: String,
-        /// What would be accepted.
+        /// The accepted values.
         wants: String,
     },
     /// The name of an output tells no format.
@@ -145,7 +148,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// The field of the option that the message begins with.
+    /// The field of the option that begins the message.
     pub fn option(&self) -> Option<&str> {
         match self {
             Self::Invalid { option, .. } => Some(option),
@@ -224,6 +227,11 @@ impl Error {
             _ => {}
         }
         self
+    }
+
+    /// Unusable data; `sentence` says why.
+    pub fn invalid_data(sentence: impl Into<String>) -> Self {
+        Self::InvalidData(in_message(sentence.into()))
     }
 
     /// An unusable value of `option`.

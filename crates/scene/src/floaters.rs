@@ -19,7 +19,8 @@ use glam::Vec3;
 
 /// Minimum opacity of a Gaussian that shows where the scene is.
 pub(crate) const MIN_OPACITY: f32 = 0.1;
-/// Nearest neighbours that are tried: two on each side along each of the two axes of a surface.
+/// Number of nearest neighbours that are tested for touching: two on each side along each of the two
+/// axes of a surface.
 const NEIGHBOURS: usize = 8;
 /// Distance from the middle at which an opaque Gaussian ends, in standard deviations.
 const REACH: f32 = 3.0;
@@ -72,24 +73,24 @@ impl Group {
         self.center.distance(other.center) - self.radius - other.radius
     }
 
-    /// The smallest ball around two.
-    fn with(self, other: Self) -> Self {
-        let apart = self.center.distance(other.center);
+    /// The smallest ball around two groups.
+    fn union(self, other: Self) -> Self {
+        let distance = self.center.distance(other.center);
         let opacity = self.opacity + other.opacity;
-        if apart + other.radius <= self.radius {
+        if distance + other.radius <= self.radius {
             return Self { opacity, ..self };
         }
-        if apart + self.radius <= other.radius {
+        if distance + self.radius <= other.radius {
             return Self { opacity, ..other };
         }
-        let radius = (apart + self.radius + other.radius) / 2.0;
-        let center = self.center.lerp(other.center, (radius - self.radius) / apart);
+        let radius = (distance + self.radius + other.radius) / 2.0;
+        let center = self.center.lerp(other.center, (radius - self.radius) / distance);
         Self { opacity, center, radius }
     }
 }
 
 impl Splats {
-    /// Tells the scene from what floats around it.
+    /// Separate the scene from the Gaussians that float around it.
     pub fn floaters(&self) -> Floaters {
         let visible: Vec<usize> = (0..self.len())
             .filter(|i| self.opacity[*i] >= MIN_OPACITY && self.is_placed(*i))
@@ -122,11 +123,11 @@ impl Splats {
         // In a file with small Gaussians, as of a cloud of points, most are as far apart as some of
         // their neighbours.
         let widest =
-            links.iter().map(|links| links[NEIGHBOURS - 1].0).filter(|apart| apart.is_finite());
+            links.iter().map(|links| links[NEIGHBOURS - 1].0).filter(|gap| gap.is_finite());
         let touching = median(widest.collect(), f32::total_cmp).unwrap_or(1.0).max(1.0);
         let mut sets = Sets::new(visible.len());
         for (i, links) in (0..).zip(&links) {
-            for (_, j) in links.iter().filter(|(apart, _)| *apart <= touching) {
+            for (_, j) in links.iter().filter(|(gap, _)| *gap <= touching) {
                 sets.join(i, *j);
             }
         }
@@ -142,11 +143,11 @@ impl Splats {
     /// Distance of the middles of two Gaussians, as a multiple of the distance at which they begin
     /// to overlap.
     fn separation(&self, i: usize, j: usize) -> f32 {
-        let apart = self.positions[j] - self.positions[i];
-        let along = apart.normalize_or_zero();
+        let offset = self.positions[j] - self.positions[i];
+        let along = offset.normalize_or_zero();
         let deviation = |k: usize| (self.rotations[k].inverse() * along * self.scales[k]).length();
         let reach = REACH * (deviation(i) + deviation(j));
-        if reach > 0.0 { apart.length() / reach } else { 0.0 }
+        if reach > 0.0 { offset.length() / reach } else { 0.0 }
     }
 
     fn group(&self, members: &[(u32, usize)]) -> Option<Group> {
@@ -166,7 +167,7 @@ fn ball(groups: Vec<Group>) -> Option<Group> {
     let mut rest = groups.into_iter();
     let mut scene = rest.next()?;
     while scene.opacity < half {
-        scene = scene.with(rest.next()?);
+        scene = scene.union(rest.next()?);
     }
     let mut rest: Vec<Group> = rest.collect();
     loop {
@@ -174,7 +175,7 @@ fn ball(groups: Vec<Group>) -> Option<Group> {
         rest.retain(|group| {
             let is_near = group.gap(&scene) <= 2.0 * group.radius;
             if is_near {
-                scene = scene.with(*group);
+                scene = scene.union(*group);
             }
             !is_near
         });
@@ -253,9 +254,9 @@ mod tests {
     #[test]
     fn a_ball_holds_both_of_its_balls() {
         let group = |x: f32, radius: f32| Group { opacity: 1.0, center: Vec3::X * x, radius };
-        let both = group(0.0, 1.0).with(group(5.0, 2.0));
+        let both = group(0.0, 1.0).union(group(5.0, 2.0));
         assert_eq!((both.center, both.radius), (Vec3::X * 3.0, 4.0));
-        assert_eq!(group(0.0, 5.0).with(group(1.0, 2.0)).radius, 5.0);
-        assert_eq!(group(1.0, 2.0).with(group(0.0, 5.0)).center, Vec3::ZERO);
+        assert_eq!(group(0.0, 5.0).union(group(1.0, 2.0)).radius, 5.0);
+        assert_eq!(group(1.0, 2.0).union(group(0.0, 5.0)).center, Vec3::ZERO);
     }
 }

@@ -255,8 +255,7 @@ impl RgbImage {
                 encoder.write_image(&rgba, width, height, ExtendedColorType::Rgba8)
             }
         };
-        written
-            .map_err(|e| Error::invalid("picture", format!("{width}x{height}"), e.to_string()))?;
+        written.map_err(|e| unencodable(self.size, &e))?;
         Ok(bytes.into_inner())
     }
 
@@ -268,7 +267,7 @@ impl RgbImage {
         let rgb: &[u8] = bytemuck::cast_slice(&self.rgb);
         let encoder = JpegEncoder::new_with_quality(&mut bytes, quality);
         let written = encoder.write_image(rgb, self.size.x, self.size.y, ExtendedColorType::Rgb8);
-        written.map_err(|e| Error::invalid("picture", self.size, e.to_string()))?;
+        written.map_err(|e| unencodable(self.size, &e))?;
         Ok(bytes)
     }
 
@@ -292,6 +291,11 @@ impl RgbImage {
         let path = path.as_ref();
         AtomicFile::create(path)?.commit_with(self.to_png()?).map(drop)
     }
+}
+
+/// The error of a picture that cannot be encoded.
+fn unencodable(size: UVec2, error: &image::ImageError) -> Error {
+    Error::invalid_data(format!("a picture of {}x{} px cannot be encoded: {error}", size.x, size.y))
 }
 
 /// Number of pixels of a picture of this size.

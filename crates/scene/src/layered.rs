@@ -225,10 +225,9 @@ fn in_group(known: &Value, name: &str, value: &Value) -> Result<Value> {
     let mut groups = known.as_object().into_iter().flatten();
     match groups.find(|(_, group)| group.get(name).is_some()) {
         Some((group, _)) => Ok(serde_json::json!({ group.as_str(): { name: value } })),
-        None => {
-            let wants = "the name of an option: the schema of the config file lists them";
-            Err(Error::invalid(name, value, wants))
-        }
+        None => Err(Error::invalid_data(format!(
+            "{name} is not the name of an option; the schema of the config file lists them"
+        ))),
     }
 }
 
@@ -256,7 +255,7 @@ fn names(group: &Value) -> String {
 }
 
 fn unrepresentable(error: serde_json::Error) -> Error {
-    Error::invalid("options", error, "values JSON can hold (finite numbers)")
+    Error::invalid_data(format!("the options must be finite numbers and text: {error}"))
 }
 
 fn overlay(base: &mut Value, top: &Value) {
@@ -444,7 +443,7 @@ mod tests {
                 .refine
         );
         for (wrong, needle) in [
-            (serde_json::json!({ "stps": 1 }), "stps is 1"),
+            (serde_json::json!({ "stps": 1 }), "stps is not"),
             (serde_json::json!({ "refine": { "evry": 1 } }), "evry"),
             (serde_json::json!({ "every": "often" }), "a whole number, 0 or more"),
         ] {

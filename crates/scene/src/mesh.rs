@@ -358,8 +358,9 @@ impl Mesh {
             other.make_indices();
         }
         if self.vertex_count() + other.vertex_count() > u32::MAX as usize {
-            let wants = "fewer or smaller files";
-            return Err(Error::invalid("inputs", "more than 4,294,967,295 vertices", wants));
+            return Err(Error::invalid_data(
+                "the inputs have more than 4,294,967,295 vertices together; give fewer or smaller files",
+            ));
         }
         let first = self.vertex_count() as u32;
         self.indices.extend(other.indices.iter().map(|i| i + first));
@@ -535,10 +536,8 @@ impl Mesh {
                 self.opacity[i],
                 "a value in [0, 1]",
             )),
-            None => Err(Error::invalid(
-                "mesh normals or texture coordinates",
-                "not finite",
-                "finite numbers",
+            None => Err(Error::invalid_data(
+                "normals or texture coordinates of the mesh are not finite",
             )),
         }
     }

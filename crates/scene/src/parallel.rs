@@ -107,17 +107,17 @@ pub fn find_first<T: Send>(
     value: impl Fn(usize) -> Option<T> + Sync,
 ) -> Option<T> {
     let first_range = AtomicUsize::new(usize::MAX);
-    let found = ranges(count, grain, |range| {
+    let firsts = ranges(count, grain, |range| {
         if first_range.load(Ordering::Relaxed) < range.start {
             return None;
         }
-        let found = range.clone().find_map(&value);
-        if found.is_some() {
+        let value = range.clone().find_map(&value);
+        if value.is_some() {
             first_range.fetch_min(range.start, Ordering::Relaxed);
         }
-        found
+        value
     });
-    found.into_iter().flatten().next()
+    firsts.into_iter().flatten().next()
 }
 
 /// The results of `work` for consecutive ranges of the numbers below `count`, each of at least

@@ -54,8 +54,8 @@ pub type Visit<'a> = &'a mut dyn FnMut(&str, f64, (f64, f64)) -> Result<()>;
 /// Calls `visit` with the key, as in `loss.opacity`, the value and the range of each number of
 /// `options`; with NaN for one that is not finite, which JSON cannot express.
 pub fn each<T: Serialize + JsonSchema>(options: &T, visit: Visit<'_>) -> Result<()> {
-    let value =
-        serde_json::to_value(options).map_err(|e| Error::invalid("options", e, "numbers"))?;
+    let value = serde_json::to_value(options)
+        .map_err(|e| Error::invalid_data(format!("the options cannot be checked: {e}")))?;
     let settings = SchemaSettings::default().with(|settings| settings.inline_subschemas = true);
     let schema = settings.into_generator().into_root_schema_for::<T>();
     each_below(&value, schema.as_value(), "", visit)

@@ -193,8 +193,9 @@ fn to_unit_cube(boxes: &[Aabb]) -> (Vec<Aabb>, DVec3, f64) {
         let min = place(b.min);
         let max = place(b.max);
         let bits = rng.bits(i as u64);
-        let most = 1e-3 * (max - min).max_element() + 1e-6;
-        let by = |shift: u32| BOX_MARGIN + most * (1.0 / 1024.0) * ((bits >> shift) & 0x3ff) as f32;
+        let max_noise = 1e-3 * (max - min).max_element() + 1e-6;
+        let by =
+            |shift: u32| BOX_MARGIN + max_noise * (1.0 / 1024.0) * ((bits >> shift) & 0x3ff) as f32;
         Aabb::new(min - Vec3A::new(by(0), by(10), by(20)), max + Vec3A::new(by(30), by(40), by(50)))
     };
     (boxes.iter().enumerate().map(grown).collect(), origin, scale)

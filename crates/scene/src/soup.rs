@@ -207,11 +207,14 @@ impl Soup {
         }
         if self.opacity.len() != n || self.sigma.len() != n || self.sh.len() != n * self.sh_count()
         {
-            return Err(Error::invalid(
-                "soup",
-                format!("{n} / {} / {} / {}", self.opacity.len(), self.sigma.len(), self.sh.len()),
-                "equally many vertices, opacities, sigmas and SH rows",
-            ));
+            return Err(Error::invalid_data(format!(
+                "a soup needs equally many triangles, opacities and sigmas, and {} SH coefficients for each; \
+                 this one has {n}, {}, {} and {} in all",
+                self.sh_count(),
+                self.opacity.len(),
+                self.sigma.len(),
+                self.sh.len()
+            )));
         }
         if !self.shell.is_empty() && self.shell.len() != n {
             return Err(Error::invalid(
@@ -259,7 +262,7 @@ impl Soup {
                 return error("SH coefficients", format!("{sh:?}"), "finite numbers");
             }
         }
-        Error::invalid("soup", "invalid values", "finite values in range")
+        Error::invalid_data("the soup has values that are not finite or out of range")
     }
 }
 

@@ -100,19 +100,15 @@ impl Splats {
         let n = self.len();
         let lengths = [self.scales.len(), self.rotations.len(), self.opacity.len()];
         if self.sh_degree > 3 || lengths != [n; 3] || self.sh.len() != n * self.sh_count() {
-            let value = format!(
-                "{n} positions with {} scales, {} rotations, {} opacities and {} coefficients of degree {}",
+            return Err(Error::invalid_data(format!(
+                "{n} positions of Gaussians come with {} scales, {} rotations, {} opacities and {} coefficients of degree {}; \
+                 give one of each per Gaussian, SH degree 0 to 3",
                 lengths[0],
                 lengths[1],
                 lengths[2],
                 self.sh.len(),
                 self.sh_degree
-            );
-            return Err(Error::invalid(
-                "splats",
-                value,
-                "one of each per Gaussian, SH degree 0 to 3",
-            ));
+            )));
         }
         Ok(())
     }
@@ -140,9 +136,10 @@ impl Splats {
             !self.is_finite(*i) || !in_range(*i) || !(0.0..=1.0).contains(&self.opacity[*i])
         };
         let first = (0..self.len()).find(bad).unwrap_or(0);
-        let wants =
-            "finite numbers, opacity in [0, 1], scales of 0 or more, rotations of length one";
-        Err(Error::invalid("splats", format!("out of range at Gaussian {first}"), wants))
+        Err(Error::invalid_data(format!(
+            "Gaussian {first} is out of range; \
+             give finite numbers, opacity in [0, 1], scales of 0 or more, rotations of length one"
+        )))
     }
 
     /// Triangles in place of the `chosen` Gaussians, each in the plane of the two longer axes:

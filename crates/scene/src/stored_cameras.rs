@@ -87,10 +87,10 @@ mod tests {
             for (i, back) in chosen.zip(&back) {
                 let camera = cameras[i];
                 let point = scale * Vec3::new(0.3, -0.4, 0.2);
-                let seen = |camera: &Camera| {
+                let projected = |camera: &Camera| {
                     camera.project(point).expect("in view").0 / camera.size.as_vec2()
                 };
-                let off = seen(&camera).distance(seen(back));
+                let off = projected(&camera).distance(projected(back));
                 assert!(off < 2e-3, "{scale} {i} {off}");
             }
             // Numbers of a damaged file.

@@ -39,9 +39,13 @@ pub(crate) fn json(content: &GltfContent, bin_name: Option<&str>) -> Result<Vec<
 fn root(content: &GltfContent, bin_name: Option<&str>) -> Result<Root> {
     let GltfContent { options, parts, .. } = content;
     let quantised = parts.iter().any(|part| part.grid.is_some());
-    let needed = [(quantised, QUANTIZATION), (options.meshopt, MESHOPT)];
-    let required = needed.into_iter().filter(|(used, _)| *used).map(|(_, name)| name.to_owned());
-    let required: Vec<String> = required.collect();
+    let mut required = Vec::new();
+    if quantised {
+        required.push(QUANTIZATION.to_owned());
+    }
+    if options.meshopt {
+        required.push(MESHOPT.to_owned());
+    }
     let (mut buffer_views, buffers) = buffers(content, bin_name)?;
     let mut accessors = Vec::with_capacity(buffer_views.len());
     let streams = buffer_views.len();
@@ -56,11 +60,7 @@ fn root(content: &GltfContent, bin_name: Option<&str>) -> Result<Root> {
     let part_materials = part_materials(parts);
     let materials: Vec<Material> = part_materials.iter().map(|of| material(content, of)).collect();
     let unlit = materials.iter().any(|material| material.extensions.is_some());
-    // A file with only a backdrop, or a tile, has no viewpoint.
-    let viewpoint =
-        content.asset.provenance.viewpoint.as_ref().filter(|viewpoint| viewpoint.is_possible());
-    let camera =
-        viewpoint.filter(|viewpoint| options.sky_name.is_some() || is_within(content, viewpoint));
+    let camera = stored_viewpoint(content);
     let camera_node = camera.map(viewpoint_node);
     let cameras = camera.map(|viewpoint| viewpoint_camera(viewpoint, content));
     let meshes = parts
@@ -250,6 +250,14 @@ fn node(mesh: usize, part: &ScenePart) -> Node {
         scale: part.grid.map(|grid| grid.scale.to_array()),
         ..Node::default()
     }
+}
+
+/// The viewpoint that becomes a camera of the file. A file with only a backdrop, or a tile, has none.
+fn stored_viewpoint<'a>(content: &'a GltfContent) -> Option<&'a Viewpoint> {
+    let viewpoint = content.asset.provenance.viewpoint.as_ref();
+    viewpoint
+        .filter(|viewpoint| viewpoint.is_possible())
+        .filter(|viewpoint| content.options.sky_name.is_some() || is_within(content, viewpoint))
 }
 
 /// True when the scene surrounds the viewpoint. A camera outside of an object is not written: editors

@@ -266,8 +266,8 @@ fn of_one_material(ranges: Vec<Range<usize>>, mesh: &Mesh) -> Vec<Range<usize>> 
 /// Chunks that do not hold every face once.
 pub(crate) fn node_names(asset: &Asset, node_name: &str) -> Result<[Vec<String>; 2]> {
     let named = named_ranges(asset, node_name)?;
-    let names = |wanted: PartKind| {
-        named.iter().filter(|(kind, ..)| *kind == wanted).map(|(_, name, _)| name.clone()).collect()
+    let names = |of: PartKind| {
+        named.iter().filter(|(kind, ..)| *kind == of).map(|(_, name, _)| name.clone()).collect()
     };
     Ok([names(PartKind::Scene), names(PartKind::Backdrop)])
 }
@@ -303,11 +303,9 @@ fn part<'a>(
     };
     let bounds = bounds(mesh, &vertices);
     if !bounds.iter().all(|corner| corner.is_finite()) {
-        return Err(Error::invalid(
-            format!("position of a vertex in {name}"),
-            "not finite",
-            "finite numbers",
-        ));
+        return Err(Error::invalid_data(format!(
+            "the position of a vertex in {name} is not finite"
+        )));
     }
     let mut part = ScenePart {
         name,
@@ -335,11 +333,10 @@ fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
     let [low, high] = part.bounds;
     let extent = high - low;
     if !extent.is_finite() {
-        return Err(Error::invalid(
-            format!("extent of {}", part.name),
-            extent,
-            "a box that f32 can measure; crop the scene or write f32 positions",
-        ));
+        return Err(Error::invalid_data(format!(
+            "the extent of {}, {extent}, is too large for f32; crop the scene or write f32 positions",
+            part.name
+        )));
     }
     // If steps differ between axes, an engine corrects normals by the scale of the node, and 8 bits
     // do not suffice.
@@ -401,25 +398,24 @@ fn face_ranges(chunks: &[Chunk], faces: usize, scene: usize) -> Result<Vec<Range
     let mut next = 0;
     for (i, chunk) in chunks.iter().enumerate() {
         if chunk.first as usize != next {
-            return Err(Error::invalid(
-                format!("first face of chunk {i}"),
-                chunk.first,
-                next.to_string(),
-            ));
+            return Err(Error::invalid_data(format!(
+                "chunk {i} begins with face {}, but the chunk before it ends at face {next}",
+                chunk.first
+            )));
         }
         next += chunk.count as usize;
     }
     if next != faces {
-        return Err(Error::invalid("faces in all chunks", next, faces.to_string()));
+        return Err(Error::invalid_data(format!(
+            "the chunks have {next} faces together, but the mesh has {faces}"
+        )));
     }
     let range = |c: &Chunk| c.first as usize..c.first as usize + c.count as usize;
     let across = |range: &Range<usize>| range.start < scene && scene < range.end;
     if let Some(chunk) = chunks.iter().map(range).position(|range| across(&range)) {
-        return Err(Error::invalid(
-            format!("chunk {chunk}"),
-            "part scene, part backdrop",
-            "one of them",
-        ));
+        return Err(Error::invalid_data(format!(
+            "chunk {chunk} holds faces of both the scene and the backdrop"
+        )));
     }
     Ok(chunks.iter().filter(|c| c.count > 0).map(range).collect())
 }

@@ -18,6 +18,7 @@ use glam::{DMat4, DQuat, DVec3, DVec4};
 use gltf_json::mesh::TRIANGLES;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::Path;
 use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene};
 
@@ -131,42 +132,12 @@ fn with_copies(
             all.push(instance);
             continue;
         };
-        let place = format!("node {}: {INSTANCING}", instance.node);
-        let counts = copies.values().map(|accessor| Ok(accessors.layout(*accessor)?.count));
-        let counts = counts.collect::<Result<Vec<u64>>>()?;
-        if counts.iter().any(|count| *count != counts[0]) {
-            let path = accessors.buffers.path();
-            return Err(Error::malformed(
-                path,
-                place,
-                format!("has attributes of unequal length: {counts:?}"),
-            ));
-        }
-        limits.triangles(
-            format_args!("{}: {place}", accessors.buffers.path().display()),
-            counts[0],
-        )?;
-        accessors.buffers.spend(counts[0].saturating_mul(size_of::<MeshInstance>() as u64 + 80))?;
-        let mut own = vec![(DVec3::ONE, DQuat::IDENTITY, DVec3::ZERO); counts[0] as usize];
-        for (name, accessor) in copies {
-            match name.as_str() {
-                "SCALE" => {
-                    accessors.for_each(*accessor, 0.0, |i, scale| own[i].0 = DVec3::from(scale))?
-                }
-                "ROTATION" => accessors.for_each(*accessor, 0.0, |i, turn: [f64; 4]| {
-                    own[i].1 =
-                        DVec4::from(turn).try_normalize().map_or(DQuat::IDENTITY, DQuat::from_vec4);
-                })?,
-                "TRANSLATION" => {
-                    accessors.for_each(*accessor, 0.0, |i, at| own[i].2 = DVec3::from(at))?
-                }
-                _ => {}
-            }
-        }
         let node = instance.transform.unwrap_or(DMat4::IDENTITY);
-        all.extend(own.into_iter().map(|(scale, turn, at)| {
-            let copy = DMat4::from_scale_rotation_translation(scale, turn, at);
-            MeshInstance { transform: Some(node * copy), ..instance }
+        let copies = read_copies(accessors, copies, instance.node, limits)?;
+        all.extend(copies.into_iter().map(|copy| {
+            let transform =
+                DMat4::from_scale_rotation_translation(copy.scale, copy.rotation, copy.translation);
+            MeshInstance { transform: Some(node * transform), ..instance }
         }));
     }
     if let Some(odd) =
@@ -181,6 +152,59 @@ fn with_copies(
     }
     accessors.buffers.repeat(1 + (all.len().saturating_sub(before)) as u64);
     Ok(all)
+}
+
+/// Transform of one copy of a node's mesh, relative to the node.
+#[derive(Clone, Copy)]
+struct NodeCopy {
+    scale: DVec3,
+    rotation: DQuat,
+    translation: DVec3,
+}
+
+/// The copies of a node's mesh.
+///
+/// # Errors
+///
+/// Attributes of unequal length; more copies than a scene may have triangles.
+fn read_copies(
+    accessors: &mut Accessors,
+    attributes: &BTreeMap<String, usize>,
+    node: usize,
+    limits: &Limits,
+) -> Result<Vec<NodeCopy>> {
+    let place = format!("node {node}: {INSTANCING}");
+    let counts = attributes.values().map(|accessor| Ok(accessors.layout(*accessor)?.count));
+    let counts = counts.collect::<Result<Vec<u64>>>()?;
+    if counts.iter().any(|count| *count != counts[0]) {
+        let path = accessors.buffers.path();
+        return Err(Error::malformed(
+            path,
+            place,
+            format!("has attributes of unequal length: {counts:?}"),
+        ));
+    }
+    limits.triangles(format_args!("{}: {place}", accessors.buffers.path().display()), counts[0])?;
+    accessors.buffers.spend(counts[0].saturating_mul(size_of::<MeshInstance>() as u64 + 80))?;
+    let identity =
+        NodeCopy { scale: DVec3::ONE, rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
+    let mut copies = vec![identity; counts[0] as usize];
+    for (name, &accessor) in attributes {
+        match name.as_str() {
+            "SCALE" => accessors.for_each(accessor, 0.0, |i, scale| {
+                copies[i].scale = DVec3::from(scale);
+            })?,
+            "ROTATION" => accessors.for_each(accessor, 0.0, |i, xyzw: [f64; 4]| {
+                copies[i].rotation =
+                    DVec4::from(xyzw).try_normalize().map_or(DQuat::IDENTITY, DQuat::from_vec4);
+            })?,
+            "TRANSLATION" => accessors.for_each(accessor, 0.0, |i, offset| {
+                copies[i].translation = DVec3::from(offset);
+            })?,
+            _ => {}
+        }
+    }
+    Ok(copies)
 }
 
 pub(crate) fn check_support(path: &Path, document: &GltfDocument) -> Result<()> {

@@ -99,7 +99,7 @@ pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<Imported
     super::read::check_support(&path, &document)?;
     let instances = document::instances(&path, &document, &limits)?;
     let buffers = Buffers::new(source, &container, &document.buffers, options);
-    let mut reader = Reader {
+    let mut reader = SplatReader {
         options: *options,
         path: &path,
         accessors: Accessors::new(&document, buffers),
@@ -119,14 +119,14 @@ struct SplatInstance {
     scale: f64,
 }
 
-struct Reader<'a> {
+struct SplatReader<'a> {
     options: ReadOptions,
     path: &'a Path,
     accessors: Accessors<'a>,
     warnings: Vec<String>,
 }
 
-impl Reader<'_> {
+impl SplatReader<'_> {
     fn parts(
         &mut self,
         document: &SplatDocument,

@@ -130,22 +130,7 @@ fn pictures(
             Ok(())
         })?;
     }
-    let number = |face: &u32| {
-        numbers.get(*face as usize).map_or(0, |number| usize::try_from(*number).unwrap_or(0))
-    };
-    let mut parts = Vec::new();
-    let mut end = 0;
-    for run in face_of.chunk_by(|a, b| number(a) == number(b)) {
-        let on = end..end + run.len();
-        end = on.end;
-        let uvs = uvs[on.clone()].to_vec();
-        parts.push(PaintedFaces {
-            image: number(&run[0]),
-            faces: on,
-            uvs,
-            wrap: Default::default(),
-        });
-    }
+    let parts = parts_by_picture(&numbers, &face_of, &uvs);
     let read = |(number, name): (usize, &String)| {
         let read = picture(vertices.path, name, options);
         let unread = |e| warnings.push(format!("a texture is not read: {e}"));
@@ -153,6 +138,27 @@ fn pictures(
     };
     let textures: Textures = names.iter().enumerate().map(read).collect();
     Ok(textures.values().any(Option::is_some).then_some((parts, textures)))
+}
+
+/// The triangles in runs with one picture. `numbers` are the pictures of the file's faces, or empty
+/// for a single one; `face_of` is the face of each triangle.
+fn parts_by_picture(numbers: &[i64], face_of: &[u32], uvs: &[[Vec2; 3]]) -> Vec<PaintedFaces> {
+    let image = |face: &u32| {
+        numbers.get(*face as usize).map_or(0, |number| usize::try_from(*number).unwrap_or(0))
+    };
+    let mut parts = Vec::new();
+    let mut end = 0;
+    for run in face_of.chunk_by(|a, b| image(a) == image(b)) {
+        let faces = end..end + run.len();
+        end = faces.end;
+        parts.push(PaintedFaces {
+            image: image(&run[0]),
+            uvs: uvs[faces.clone()].to_vec(),
+            faces,
+            wrap: Default::default(),
+        });
+    }
+    parts
 }
 
 /// The places of red, green, blue and perhaps alpha in a row.

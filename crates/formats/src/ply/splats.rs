@@ -23,7 +23,7 @@ pub(super) fn read(
     warnings: &mut Vec<String>,
 ) -> Result<(Splats, DVec3)> {
     let vertices = table::points(source, header, &options.limits)?;
-    let mut columns = Columns::of(&vertices, options.sh_degree)?;
+    let mut columns = SplatColumns::of(&vertices, options.sh_degree)?;
     let origin = vertices.origin()?;
     let mut splats = zeroed(&source.path, vertices.rows, columns.sh_degree, &options.limits)?;
     vertices.read_positions(origin, &mut splats.positions)?;
@@ -47,7 +47,7 @@ pub(super) fn read(
 }
 
 /// The places of a Gaussian's numbers in its row.
-struct Columns {
+struct SplatColumns {
     opacity: Column,
     /// Two for a disc (2DGS).
     scales: Vec<Column>,
@@ -67,7 +67,7 @@ struct Columns {
     are_shares: bool,
 }
 
-impl Columns {
+impl SplatColumns {
     fn of(vertices: &PlyTable, highest: u8) -> Result<Self> {
         let (higher, sh_degree) = vertices.sh_columns(highest)?;
         let has_colors = vertices.find("f_dc_0").is_none() && vertices.find("red").is_some();

@@ -145,16 +145,17 @@ impl<'a> Archive<'a> {
         Ok(Self { path, zip, folder: folder.unwrap_or_default(), len: source.len, limits: *limits })
     }
 
-    /// The bytes of an entry, which can need no more than `most`.
-    fn bytes(&mut self, name: &str, most: u64) -> Result<Vec<u8>> {
+    /// The bytes of an entry, at most `max_bytes`.
+    fn bytes(&mut self, name: &str, max_bytes: u64) -> Result<Vec<u8>> {
         let entry = self
             .zip
             .by_name(&format!("{}{name}", self.folder))
             .map_err(|e| Error::malformed(self.path, name, format!("cannot be read: {e}")))?;
         let promised = entry.size();
-        if promised > most {
-            let reason =
-                format!("unpacks to {promised} bytes; what it stands for needs at most {most}");
+        if promised > max_bytes {
+            let reason = format!(
+                "unpacks to {promised} bytes; what it stands for needs at most {max_bytes}"
+            );
             return Err(Error::malformed(self.path, name, reason));
         }
         let bytes = read_all(self.path, entry, promised, &self.limits)
@@ -169,9 +170,9 @@ impl<'a> Archive<'a> {
         Ok(bytes)
     }
 
-    /// A picture of `least` to `most` pixels.
-    fn picture(&mut self, name: &str, least: usize, most: usize) -> Result<SogPicture> {
-        let bytes = self.bytes(name, SPARE_BYTES + 4 * most as u64)?;
+    /// A picture of `min_pixels` to `max_pixels` pixels.
+    fn picture(&mut self, name: &str, min_pixels: usize, max_pixels: usize) -> Result<SogPicture> {
+        let bytes = self.bytes(name, SPARE_BYTES + 4 * max_pixels as u64)?;
         let broken = |e: image::ImageError| {
             Error::malformed(self.path, name, format!("is no whole WebP picture: {e}"))
         };
@@ -179,8 +180,8 @@ impl<'a> Archive<'a> {
         let size = UVec2::from(decoder.dimensions());
         self.limits.picture(format!("{}: {name}", self.path.display()), size)?;
         let pixels = size.as_usizevec2().element_product();
-        if !(least..=most).contains(&pixels) {
-            let reason = format!("has {pixels} pixels; expected {least} to {most}");
+        if !(min_pixels..=max_pixels).contains(&pixels) {
+            let reason = format!("has {pixels} pixels; expected {min_pixels} to {max_pixels}");
             return Err(Error::malformed(self.path, name, reason));
         }
         let rgba = DynamicImage::from_decoder(decoder).map_err(broken)?.into_rgba8();

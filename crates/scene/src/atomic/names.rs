@@ -45,12 +45,12 @@ pub fn safe_path(path: &str) -> PathBuf {
 
 /// The temporary file of `target`: `.NAME.trisplat.tmp` beside it.
 pub fn temporary_name(target: &Path) -> PathBuf {
-    beside(target, "tmp")
+    sibling(target, "tmp")
 }
 
 /// The name of the replaced file of `target` while its set is published.
 pub(super) fn aside_name(target: &Path) -> PathBuf {
-    beside(target, "old")
+    sibling(target, "old")
 }
 
 /// The name of a temporary file's target.
@@ -65,7 +65,7 @@ pub fn is_leftover(name: &str) -> bool {
 }
 
 /// `.NAME.trisplat.ENDING` beside `target`; a name too long for that is replaced by its hash.
-fn beside(target: &Path, ending: &str) -> PathBuf {
+fn sibling(target: &Path, ending: &str) -> PathBuf {
     let name = target.file_name().unwrap_or_default();
     let ending = format!(".trisplat.{ending}");
     let mut whole = std::ffi::OsString::from(".");

@@ -18,12 +18,12 @@ type Decoded<T> = std::result::Result<T, DecodingError>;
 
 /// The size in a file's header; everything before the pixels is checked.
 pub(super) fn size(file: impl BufRead + Seek) -> Decoded<UVec2> {
-    Ok(UVec2::from(opened(file)?.info().size()))
+    Ok(UVec2::from(open_reader(file)?.info().size()))
 }
 
 /// True when a file has an opacity per pixel or a transparent colour.
 pub(super) fn has_alpha(file: impl BufRead + Seek) -> Decoded<bool> {
-    let (color, _) = opened(file)?.output_color_type();
+    let (color, _) = open_reader(file)?.output_color_type();
     Ok(matches!(color, ColorType::GrayscaleAlpha | ColorType::Rgba))
 }
 
@@ -35,7 +35,7 @@ pub(super) fn decode(
 ) -> Result<DynamicImage> {
     let bad = |e| broken(path, e);
     guarded(path, || {
-        let mut reader = opened(file).map_err(bad)?;
+        let mut reader = open_reader(file).map_err(bad)?;
         let size = UVec2::from(reader.info().size());
         let (color, _) = reader.output_color_type();
         let channels = color.samples();
@@ -75,18 +75,18 @@ pub(super) fn reduced(
     guarded(path, || Ok(shrink(file, size)))
 }
 
-fn shrink(file: impl BufRead + Seek, wanted: UVec2) -> Option<(DynamicImage, UVec2)> {
-    let mut reader = opened(file).ok()?;
-    let size = UVec2::from(reader.info().size());
+fn shrink(file: impl BufRead + Seek, size: UVec2) -> Option<(DynamicImage, UVec2)> {
+    let mut reader = open_reader(file).ok()?;
+    let full = UVec2::from(reader.info().size());
     let channels = match reader.output_color_type().0 {
         ColorType::Grayscale => 1,
         ColorType::Rgb => 3,
         _ => return None,
     };
-    if reader.info().interlaced || !wanted.cmplt(size).all() || wanted == UVec2::ZERO {
+    if reader.info().interlaced || !size.cmplt(full).all() || size == UVec2::ZERO {
         return None;
     }
-    let mut average = AreaAverage::<3>::new(size, wanted);
+    let mut average = AreaAverage::<3>::new(full, size);
     let mut grey: Vec<[u8; 3]> = Vec::new();
     each_row(&mut reader, &mut |row, _| {
         if channels == 3 {
@@ -98,11 +98,11 @@ fn shrink(file: impl BufRead + Seek, wanted: UVec2) -> Option<(DynamicImage, UVe
         }
     })
     .ok()?;
-    Some((picture(ColorType::Rgb, wanted, bytemuck::cast_vec(average.finish()))?, size))
+    Some((picture(ColorType::Rgb, size, bytemuck::cast_vec(average.finish()))?, full))
 }
 
 /// A decoder at the first pixels; palettes and fewer than 8 bits are expanded.
-fn opened<R: BufRead + Seek>(file: R) -> Decoded<Reader<R>> {
+fn open_reader<R: BufRead + Seek>(file: R) -> Decoded<Reader<R>> {
     let mut decoder = png::Decoder::new(file);
     decoder.set_ignore_iccp_chunk(true);
     decoder.set_ignore_text_chunk(true);

@@ -320,10 +320,9 @@ mod power_tests {
     #[cfg(target_env = "gnu")]
     #[test]
     fn colours_are_written_with_the_codes_that_powf_gives() {
-        let code = |linear: f32, most: f64| (f64::from(linear) * most + 0.5) as u32;
-        let differ = |most: f64| {
-            all().filter(|x| code(power_2_4(*x), most) != code(x.powf(2.4), most)).count()
-        };
+        let code = |linear: f32, max: f64| (f64::from(linear) * max + 0.5) as u32;
+        let differ =
+            |max: f64| all().filter(|x| code(power_2_4(*x), max) != code(x.powf(2.4), max)).count();
         assert_eq!(differ(255.0), 0);
         // `powf` is not always the nearest value: fewer than one 16-bit code in a million differs,
         // and ours is right.

@@ -29,8 +29,8 @@ pub fn nearest<const N: usize, T: Send>(
     parallel::collect(points.len(), 1, |i| {
         let mut best = [(f32::INFINITY, u32::MAX); N];
         tree.search(i as u32, points[i], &mut best);
-        let found = best.iter().take_while(|(d, _)| d.is_finite()).count();
-        each(i, &best[..found])
+        let count = best.iter().take_while(|(d, _)| d.is_finite()).count();
+        each(i, &best[..count])
     })
 }
 
