@@ -106,7 +106,7 @@ fn run(job: Job) -> Result<()> {
 
 /// The options over those of the preset that they name.
 fn resolved(options: Map<String, Value>) -> Result<BakeOptions> {
-    Ok(Layers::default().named(options).resolve(BakeOptions::preset)?.options)
+    Ok(Layers::default().with_named_options(options).resolve(BakeOptions::preset)?.options)
 }
 
 /// The same for a bake that looks at no pictures.

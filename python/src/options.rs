@@ -15,7 +15,7 @@ pub fn resolve<T: Serialize + DeserializeOwned, P: DeserializeOwned + Default>(
     preset: impl Fn(P) -> T,
 ) -> PyResult<Layered<T>> {
     let named = typed.map(|typed| from_python(py, typed)).transpose()?.unwrap_or_default();
-    let layered = Layers::default().named(named).resolve(preset);
+    let layered = Layers::default().with_named_options(named).resolve(preset);
     layered.map_err(|error| PyValueError::new_err(error.to_string()))
 }
 

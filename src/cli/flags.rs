@@ -140,9 +140,9 @@ impl OptionSources<'_> {
             Error::invalid_data(format!("the options must be finite numbers and text: {error}"))
         })?;
         let typed = Value::Object(typed_of(&parsed, self.matches)?);
-        let layers = Layers::default().settings(self.sets).given(typed);
+        let layers = Layers::default().with_settings(self.sets).with_options(typed);
         match self.config {
-            Some(path) => layers.file(path, limits)?.resolve(preset),
+            Some(path) => layers.with_file(path, limits)?.resolve(preset),
             None => layers.resolve(preset),
         }
     }

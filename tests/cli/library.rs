@@ -22,7 +22,8 @@ fn job(given: serde_json::Value) -> TrainJob {
         background: "#203040".parse().unwrap(),
         ..DatasetOptions::default()
     };
-    let layers = Layers::default().settings(&["densify.every=10".to_owned()]).given(given);
+    let layers =
+        Layers::default().with_settings(&["densify.every=10".to_owned()]).with_options(given);
     let mut job =
         TrainJob::new(Dataset::load(dataset(), &dataset_options).unwrap(), TrainOptions::default());
     job.teacher = Some(TeacherSource::Off);

@@ -240,8 +240,8 @@ fn a_soft_scene_is_fitted_as_a_cpu_without_vectors_does() {
         &json!([{ "files": files, "options": options, "output": "a.glb", "folder": theirs.path() }]),
     );
     assert!(done[0]["error"].is_null(), "{}", done[0]);
-    let named =
-        trisplat_scene::layered::Layers::default().named(options.as_object().unwrap().clone());
+    let named = trisplat_scene::layered::Layers::default()
+        .with_named_options(options.as_object().unwrap().clone());
     let options = named.resolve(BakeOptions::preset).unwrap().options;
     let job = BakeJob::new([BakeInput::File(scene)], options);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();

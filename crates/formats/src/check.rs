@@ -1,4 +1,5 @@
-//! Checks a file for faults that readers find, for what engines reject, and for our own promises.
+//! Checks a file for faults that readers find, for data that engines reject, and for the promises of
+//! this program's own files.
 //!
 //! Readers stop at the first fault; this check reports every fault with its place. Faults of one
 //! kind are one finding, with their number and the first few places.
@@ -55,7 +56,7 @@ pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
         gltf::check(source.again()?, options, for_engines, &mut findings)?;
     }
     let mut triangles = None;
-    // Everything is read, so that everything is checked, whatever `options` select.
+    // Everything is read, so that everything is checked, not only the selection of `options`.
     match read_as(inner, source.again()?, &ReadOptions { sh_degree: 3, ..*options }) {
         Ok(loaded) => {
             triangles = Some(loaded.scene.triangle_count() as u64);
@@ -69,7 +70,7 @@ pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
     Ok(Checked { path: path.display().to_string(), format, triangles, findings: findings.list })
 }
 
-/// Reads Gaussians whole; what their reader says is found.
+/// Reads Gaussians whole; faults of their reader become findings.
 fn check_splats(
     path: &Path,
     format: Format,
@@ -142,7 +143,9 @@ pub(super) fn check_mesh(mesh: &Mesh, findings: &mut Findings) {
         && !mesh.indices.is_empty()
     {
         let mut used = vec![false; mesh.vertex_count()];
-        mesh.indices.iter().for_each(|&v| used[v as usize] = true);
+        for &v in &mesh.indices {
+            used[v as usize] = true;
+        }
         let unused = used.iter().filter(|used| !**used).count();
         if unused > 0 {
             findings

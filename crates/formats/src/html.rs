@@ -26,11 +26,10 @@ const OPEN: &str = "<script type=\"model/gltf-binary;base64\">";
 const CLOSE: &str = "</script><script>trisplat.block()</script>\n";
 /// Bytes of the GLB in a block: a multiple of 3, so that only the last block is padded.
 const BLOCK_BYTES: usize = 3 << 20;
-/// Longer lines do not belong to this format.
+/// Maximum length of a line of a page, bytes.
 const MAX_LINE_BYTES: u64 = 1 << 25;
 
-/// Writes the page of `asset`, with its `sky` as media type and bytes, and returns what was
-/// written; `path` is for messages.
+/// Writes the page of `asset`, with its `sky` as media type and bytes; `path` is for messages.
 ///
 /// # Errors
 /// As [`gltf::write_glb`].
@@ -54,11 +53,11 @@ pub(crate) fn write(
     }
     let mut blocks =
         BlockWriter { out, pending: Vec::with_capacity(BLOCK_BYTES), text: String::new() };
-    let written = gltf::write_glb(&mut blocks, path, asset, options)?;
+    let glb = gltf::write_glb(&mut blocks, path, asset, options)?;
     blocks.end().map_err(io)?;
     out.write_all(tail.as_bytes()).map_err(io)?;
     out.flush().map_err(io)?;
-    Ok(written)
+    Ok(glb)
 }
 
 /// Text escaped for HTML, in elements and attributes.

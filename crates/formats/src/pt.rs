@@ -98,7 +98,7 @@ fn read_soup(file: &TorchFile, n: usize, options: &ReadOptions) -> Result<Import
 }
 
 /// Coefficients of every triangle, degree 0 first, and the degree: the lowest of the requested one,
-/// the one reached by training, and that of the file.
+/// the one reached by training, and the file's.
 fn read_sh(file: &TorchFile, n: usize, max_degree: u8) -> Result<(Vec<[f32; 3]>, u8)> {
     let dc: Vec<[f32; 3]> = file.values("features_dc", DType::F32, &[&[n, 1, 3], &[n, 3]])?;
     if max_degree == 0 || file.shape("features_rest").is_err() {

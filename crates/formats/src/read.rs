@@ -45,7 +45,7 @@ pub(super) fn detect(source: &mut Source) -> Result<Format> {
     Err(Error::unsupported(&source.path, format!("{seen}; give {ACCEPTED}")))
 }
 
-/// The scene in the file at `path`, whatever its format; "-" is standard input.
+/// The scene in the file at `path`, in any format that is read; "-" is standard input.
 ///
 /// ```
 /// use trisplat_formats::{self as formats, ReadOptions};

@@ -67,7 +67,7 @@ pub(crate) fn sh0(channel: f64) -> f32 {
     ((channel - 0.5) / f64::from(SH_C0)) as f32
 }
 
-/// The Gaussians without those that are not finite, which a warning counts. `origin` was subtracted
+/// The finite Gaussians; a warning counts the others. `origin` was subtracted
 /// from their positions.
 ///
 /// # Errors

@@ -133,7 +133,7 @@ impl TilesetWriter {
     }
 
     /// Writes the text of the tileset; subtrees go to external tilesets, so that no file holds more
-    /// than `max_tiles` tiles. Returns its file, and what to call once that is published: it
+    /// than `max_tiles` tiles. Returns its file, and a function to call once that is published: it
     /// removes the tiles of an earlier tileset, and returns the folder of the tiles and their
     /// bytes.
     pub(super) fn written(

@@ -103,7 +103,7 @@ pub(super) fn teacher_options(
     let TrainOptions { seed, exposure, .. } = run.options;
     let options = TrainOptions { steps, max_triangles, seed, exposure, ..preset };
     let layered = Layered::over(&options, options.clone());
-    if keeps_max_triangles { layered.giving(&["max_triangles"]) } else { layered }
+    if keeps_max_triangles { layered.mark_given(&["max_triangles"]) } else { layered }
 }
 
 impl TeacherPlan {
@@ -202,7 +202,7 @@ mod tests {
     #[test]
     fn a_teacher_is_smaller_than_what_it_teaches() -> Result<()> {
         let steps = serde_json::json!({ "steps": 1000, "seed": 7 });
-        let run = Layers::default().given(steps).resolve(TrainOptions::preset)?;
+        let run = Layers::default().with_options(steps).resolve(TrainOptions::preset)?;
         let teacher = teacher_options(&run, false).options;
         let preset = TrainOptions::preset(TrainPreset::Outdoor);
         assert_eq!((teacher.steps, teacher.max_triangles, teacher.seed), (550, 100_500, 7));
@@ -210,7 +210,7 @@ mod tests {
             teacher_options(&run, true).options,
             TrainOptions { max_triangles: preset.max_triangles, ..teacher }
         );
-        let given = Layers::default().given(serde_json::json!({ "max_triangles": 1000 }));
+        let given = Layers::default().with_options(serde_json::json!({ "max_triangles": 1000 }));
         let teacher = teacher_options(&given.resolve(TrainOptions::preset)?, true);
         assert!(teacher.is_given("max_triangles") && teacher.options.max_triangles == 670);
         Ok(())

@@ -124,7 +124,7 @@ impl TrainJob {
                     offset: -spent / share,
                 });
             }
-            None => self.options = self.options.clone().giving(&["steps"]),
+            None => self.options = self.options.clone().mark_given(&["steps"]),
         }
     }
 

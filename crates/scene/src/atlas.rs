@@ -92,8 +92,7 @@ impl Wrap {
     }
 }
 
-/// Gives `mesh` a texture, with those of the `textures` that could be read. Returns notes for the
-/// user.
+/// Gives `mesh` a texture, made of the `textures` that could be read. Returns notes for the user.
 pub fn paint(
     mesh: &mut Mesh,
     parts: Vec<PaintedFaces>,

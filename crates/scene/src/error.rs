@@ -264,8 +264,8 @@ pub fn excerpt(text: &str) -> String {
     cut(text, MAX_EXCERPT).into_owned()
 }
 
-/// Shorten a long message: whatever text of a file is in it, such as that of a parser's error,
-/// takes little space.
+/// Shorten a long message, so that text of a file in it, such as a parser's error, takes little
+/// space.
 fn in_message(text: String) -> String {
     if text.len() <= UNCUT_MESSAGE_BYTES {
         return text;

@@ -110,7 +110,7 @@ impl Splats {
         self.positions[i].is_finite() && self.scales[i].is_finite()
     }
 
-    /// Groups of those of the `visible` Gaussians that touch each other, the heaviest first.
+    /// Groups of the `visible` Gaussians that touch each other, the heaviest first.
     fn groups(&self, visible: &[usize]) -> Vec<Group> {
         let places: Vec<Vec3> = visible.iter().map(|i| self.positions[*i]).collect();
         let links = nearest::<NEIGHBOURS, _>(&places, |i, found| {

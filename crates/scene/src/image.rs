@@ -84,7 +84,7 @@ impl RgbImage {
     }
 
     /// [`RgbImage::load_within`] of a smaller picture if that takes less time or memory, with no
-    /// side below that of `min_size`: a JPEG at 1/2, 1/4 or 1/8 of its size, a larger opaque PNG at
+    /// side below `min_size`: a JPEG at 1/2, 1/4 or 1/8 of its size, a larger opaque PNG at
     /// `min_size`. Returns the full size too.
     pub fn load_reduced(path: &Path, min_size: UVec2, limits: &Limits) -> Result<(Self, UVec2)> {
         let (picture, full) = decode::decode_reduced(path, min_size, limits)?;

@@ -31,8 +31,8 @@ pub enum Origin {
 pub struct Layers<T> {
     file: Value,
     sets: Vec<String>,
-    given: Value,
-    named: Map<String, Value>,
+    given_options: Value,
+    named_options: Map<String, Value>,
     options: std::marker::PhantomData<T>,
 }
 
@@ -42,8 +42,8 @@ impl<T> Default for Layers<T> {
         Self {
             file: empty(),
             sets: Vec::new(),
-            given: empty(),
-            named: Map::new(),
+            given_options: empty(),
+            named_options: Map::new(),
             options: std::marker::PhantomData,
         }
     }
@@ -74,8 +74,8 @@ impl<T> Layered<T> {
         self.origin(key) > Origin::Preset
     }
 
-    /// The same with `keys` as given, also where their values are the preset's.
-    pub fn giving(mut self, keys: &[&str]) -> Self
+    /// Marks `keys` as given, also where their values are the preset's.
+    pub fn mark_given(mut self, keys: &[&str]) -> Self
     where
         T: Serialize,
     {
@@ -87,7 +87,7 @@ impl<T> Layered<T> {
 }
 
 impl<T: Serialize> Layered<T> {
-    /// Options from a program: those that differ from `preset` count as given.
+    /// Options from a program: values that differ from `preset` count as given.
     pub fn over(preset: &T, options: T) -> Self {
         let json = |options: &T| serde_json::to_value(options).unwrap_or_default();
         let given = difference(&json(preset), &json(&options)).unwrap_or_default();
@@ -103,7 +103,7 @@ impl<T: Serialize + DeserializeOwned> Layers<T> {
     /// # Errors
     ///
     /// A file that cannot be read; an unknown key or wrong type, with its place in the file.
-    pub fn file(self, path: &Path, limits: &Limits) -> Result<Self> {
+    pub fn with_file(self, path: &Path, limits: &Limits) -> Result<Self> {
         let text = input::read_text(path, limits)?;
         let broken = |e: serde_json::Error| {
             let reason = e.to_string();
@@ -119,22 +119,22 @@ impl<T: Serialize + DeserializeOwned> Layers<T> {
 
     /// Adds settings, `KEY=VALUE` each, groups joined by dots; the group may be omitted if no other
     /// group has the key.
-    pub fn settings(self, sets: &[String]) -> Self {
+    pub fn with_settings(self, sets: &[String]) -> Self {
         Self { sets: sets.to_vec(), ..self }
     }
 
     /// Adds the options in `given`, a JSON object with some keys of `T`.
-    pub fn given(self, given: Value) -> Self {
-        Self { given, ..self }
+    pub fn with_options(self, given: Value) -> Self {
+        Self { given_options: given, ..self }
     }
 
     /// Adds options by the names of their fields, which are unique over all groups, or of groups;
     /// they count as given.
-    pub fn named(self, named: Map<String, Value>) -> Self {
-        Self { named, ..self }
+    pub fn with_named_options(self, named: Map<String, Value>) -> Self {
+        Self { named_options: named, ..self }
     }
 
-    /// The options over those of the preset. The last layer that names a preset decides it.
+    /// The options, laid over the preset's. The last layer that names a preset decides it.
     ///
     /// # Errors
     ///
@@ -144,18 +144,21 @@ impl<T: Serialize + DeserializeOwned> Layers<T> {
         options_of: impl Fn(P) -> T,
     ) -> Result<Layered<T>> {
         let json = |options: &T| serde_json::to_value(options).map_err(unrepresentable);
-        let known = json(&options_of(P::default()))?;
-        let settings = settings::<T>(&known, &self.sets)?;
-        let mut given = self.given;
-        for (name, value) in &self.named {
-            let nested = in_group(&known, name, value)?;
-            let mut tried = known.clone();
+        let defaults = json(&options_of(P::default()))?;
+        let settings = settings::<T>(&defaults, &self.sets)?;
+        let mut given_options = self.given_options;
+        for (name, value) in &self.named_options {
+            let nested = in_group(&defaults, name, value)?;
+            let mut tried = defaults.clone();
             overlay(&mut tried, &nested);
             serde_json::from_value::<T>(tried).map_err(|e| refused_value(name, value, &e))?;
-            overlay(&mut given, &nested);
+            overlay(&mut given_options, &nested);
         }
-        let layers =
-            [(Origin::Given, given), (Origin::Setting, settings), (Origin::File, self.file)];
+        let layers = [
+            (Origin::Given, given_options),
+            (Origin::Setting, settings),
+            (Origin::File, self.file),
+        ];
         let preset = layers.iter().find_map(|(_, layer)| layer.get(PRESET_KEY));
         let preset = match preset {
             Some(name) => serde_json::from_value(name.clone())
@@ -171,18 +174,18 @@ impl<T: Serialize + DeserializeOwned> Layers<T> {
     }
 }
 
-/// Settings as an object of the shape of `known`, with groups joined by dots. An unknown key is an
-/// error that lists the known ones.
-fn settings<T: DeserializeOwned>(known: &Value, sets: &[String]) -> Result<Value> {
+/// Settings as an object of the shape of `defaults`, with groups joined by dots. An unknown key is an
+/// error that lists the right ones.
+fn settings<T: DeserializeOwned>(defaults: &Value, sets: &[String]) -> Result<Value> {
     let mut value = Value::Object(Map::new());
     for set in sets {
         let Some((key, text)) = set.split_once('=') else {
             return Err(Error::invalid("sets", set, "KEY=VALUE, as in refine.every=500"));
         };
-        let key = &full_key(known, key)?;
+        let key = &full_key(defaults, key)?;
         let new = serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_owned()));
         let nested = key.rsplit('.').fold(new, |inner, part| serde_json::json!({ part: inner }));
-        let mut tried = known.clone();
+        let mut tried = defaults.clone();
         overlay(&mut tried, &nested);
         serde_json::from_value::<T>(tried).map_err(|e| refused_value("sets", set, &e))?;
         overlay(&mut value, &nested);
@@ -194,9 +197,9 @@ fn settings<T: DeserializeOwned>(known: &Value, sets: &[String]) -> Result<Value
 ///
 /// # Errors
 ///
-/// An unknown key; the message lists the known ones.
-fn full_key(known: &Value, key: &str) -> Result<String> {
-    if let Some(groups) = known.as_object().filter(|_| !key.contains('.')) {
+/// An unknown key; the message lists the right ones.
+fn full_key(defaults: &Value, key: &str) -> Result<String> {
+    if let Some(groups) = defaults.as_object().filter(|_| !key.contains('.')) {
         let own = groups.get(key).is_some_and(|value| !value.is_object());
         let mut of_groups = groups.iter().filter(|(_, group)| group.get(key).is_some());
         if !own
@@ -206,7 +209,7 @@ fn full_key(known: &Value, key: &str) -> Result<String> {
             return Ok(format!("{group}.{key}"));
         }
     }
-    let mut level = known;
+    let mut level = defaults;
     for part in key.split('.') {
         level = level.get(part).ok_or_else(|| Error::invalid("sets", key, names(level)))?;
     }
@@ -216,13 +219,13 @@ fn full_key(known: &Value, key: &str) -> Result<String> {
     Ok(key.to_owned())
 }
 
-/// An option by the name of its field, as an object of the shape of `known`.
-fn in_group(known: &Value, name: &str, value: &Value) -> Result<Value> {
+/// An option by the name of its field, as an object of the shape of `defaults`.
+fn in_group(defaults: &Value, name: &str, value: &Value) -> Result<Value> {
     // A group and a field in it may have the same name: only an object is a group.
-    if known.get(name).is_some_and(|own| own.is_object() == value.is_object()) {
+    if defaults.get(name).is_some_and(|own| own.is_object() == value.is_object()) {
         return Ok(serde_json::json!({ name: value }));
     }
-    let mut groups = known.as_object().into_iter().flatten();
+    let mut groups = defaults.as_object().into_iter().flatten();
     match groups.find(|(_, group)| group.get(name).is_some()) {
         Some((group, _)) => Ok(serde_json::json!({ group.as_str(): { name: value } })),
         None => Err(Error::invalid_data(format!(
@@ -357,7 +360,7 @@ mod tests {
         let folder = tempfile::tempdir().map_err(|e| Error::io("tempdir", e))?;
         let path = folder.path().join("config.json");
         std::fs::write(&path, text).map_err(|e| Error::io(&path, e))?;
-        Layers::default().file(&path, &Limits::DEFAULT)
+        Layers::default().with_file(&path, &Limits::DEFAULT)
     }
 
     fn sets(sets: &[&str]) -> Vec<String> {
@@ -367,8 +370,8 @@ mod tests {
     #[test]
     fn each_value_knows_its_layer() -> Result<()> {
         let layers = file(r#"{ "steps": 1, "refine": { "every": 1, "growth": 1 } }"#)?
-            .settings(&sets(&["refine.every=2", "refine.growth=2"]))
-            .given(serde_json::json!({ "refine": { "growth": 3.0 } }));
+            .with_settings(&sets(&["refine.every=2", "refine.growth=2"]))
+            .with_options(serde_json::json!({ "refine": { "growth": 3.0 } }));
         let layered = layers.resolve(Options::of)?;
         let refine = Refine { every: 2, growth: 3.0, refine: false };
         assert_eq!(layered.options, Options { preset: Preset::Solid, steps: 1, refine });
@@ -387,7 +390,7 @@ mod tests {
         let layered = Layered::over(&Options::default(), written);
         assert!(layered.is_given("steps") && !layered.is_given("refine.every"));
         let same = Layered::over(&Options::default(), Options::default());
-        assert!(!same.is_given("steps") && same.giving(&["steps"]).is_given("steps"));
+        assert!(!same.is_given("steps") && same.mark_given(&["steps"]).is_given("steps"));
         Ok(())
     }
 
@@ -395,10 +398,10 @@ mod tests {
     fn the_base_is_the_preset_of_the_last_layer_that_names_one() -> Result<()> {
         let indoor = Options::of(Preset::Indoor);
         let set = || sets(&["preset=indoor"]);
-        assert_eq!(Layers::default().settings(&set()).resolve(Options::of)?.options, indoor);
+        assert_eq!(Layers::default().with_settings(&set()).resolve(Options::of)?.options, indoor);
         assert_eq!(file(r#"{ "preset": "indoor" }"#)?.resolve(Options::of)?.options, indoor);
         let solid = serde_json::json!({ "preset": "solid" });
-        let layers = file(r#"{ "preset": "indoor" }"#)?.settings(&set()).given(solid);
+        let layers = file(r#"{ "preset": "indoor" }"#)?.with_settings(&set()).with_options(solid);
         assert_eq!(layers.resolve(Options::of)?.options, Options::default());
         Ok(())
     }
@@ -426,7 +429,7 @@ mod tests {
     fn fields_are_found_in_their_groups() -> Result<()> {
         let named = |value: Value| {
             let Value::Object(named) = value else { return Layers::default() };
-            Layers::<Options>::default().named(named)
+            Layers::<Options>::default().with_named_options(named)
         };
         let layered = named(
             serde_json::json!({ "preset": "indoor", "every": 5, "refine": { "growth": 2.0 } }),
@@ -464,7 +467,7 @@ mod tests {
             ("steps=many", "a whole number, 0 or more"),
             ("preset=best", "solid or indoor"),
         ] {
-            let error = Layers::default().settings(&sets(&[set])).resolve(Options::of);
+            let error = Layers::default().with_settings(&sets(&[set])).resolve(Options::of);
             let text = error.err().map(|e| e.to_string()).unwrap_or_default();
             assert!(text.starts_with("sets is ") && text.contains(wants), "{set}: {text}");
         }

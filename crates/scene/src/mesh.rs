@@ -169,8 +169,7 @@ impl Mesh {
         }
     }
 
-    /// Colours of the vertices of a mesh without indices, made from those of its faces if
-    /// necessary.
+    /// Colours of the vertices of a mesh without indices, made from its faces' colours if necessary.
     pub fn vertex_colors(&mut self) -> &mut [[f32; 3]] {
         self.make_vertex_colors();
         match &mut self.colors {
@@ -221,7 +220,7 @@ impl Mesh {
         }
     }
 
-    /// Puts faces of one material next to each other; those of a material keep their order.
+    /// Puts faces of one material next to each other, in their order.
     pub fn group_materials(&mut self) {
         let mut faces: Vec<u32> = (0..self.face_count() as u32).collect();
         if faces
@@ -324,8 +323,8 @@ impl Mesh {
             other.opacity.resize(other.face_count(), 1.0);
         }
         if !self.normals.is_empty() || !other.normals.is_empty() {
-            self.take_flat_normals();
-            other.take_flat_normals();
+            self.make_flat_normals();
+            other.make_flat_normals();
         }
         if !self.shell.is_empty() || !other.shell.is_empty() {
             self.shell.resize(self.face_count(), false);
@@ -397,8 +396,8 @@ impl Mesh {
         sums.iter().map(|sum| sum.normalize_or(Vec3::Y)).collect()
     }
 
-    /// Gives a mesh without normals those of its faces.
-    fn take_flat_normals(&mut self) {
+    /// Gives a mesh without normals its faces' normals.
+    fn make_flat_normals(&mut self) {
         if self.normals.is_empty() {
             self.normals = (0..self.face_count()).map(|face| self.flat_normal(face)).collect();
         }

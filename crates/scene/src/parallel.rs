@@ -121,8 +121,8 @@ pub fn find_first<T: Send>(
 }
 
 /// The results of `work` for consecutive ranges of the numbers below `count`, each of at least
-/// `grain`, but the last. How many there are depends on the number of threads, so what is made of
-/// them must not: integers summed, lists joined.
+/// `grain`, but the last. Their number depends on the number of threads, so combine them only by
+/// operations that do not: sums of integers, joined lists.
 pub fn ranges<T: Send>(
     count: usize,
     grain: usize,

@@ -42,8 +42,8 @@ impl std::fmt::Debug for RayTree {
 }
 
 impl RayTree {
-    /// The first of the first `faces` faces of `mesh` on a ray; the tree stays that of the first
-    /// call's mesh.
+    /// The first of the first `faces` faces of `mesh` on a ray; the tree is built at the
+    /// first call, for its mesh.
     pub fn first_hit(
         &self,
         mesh: &Mesh,

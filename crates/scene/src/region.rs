@@ -15,7 +15,7 @@ pub enum Region {
     Sphere([f64; 3], f64),
     /// In the pictures of at least this many cameras, hidden or not.
     Seen(u32),
-    /// The object that the cameras look at, with what it stands on near it.
+    /// The object that the cameras look at, with the ground near it.
     Subject,
 }
 

@@ -38,7 +38,7 @@ pub struct Counts {
 /// The measurements of a stage: counts by cause, errors, sizes. Fields that do not apply are `None`
 /// and absent in JSON.
 pub trait StageDetails: Default + PartialEq + Serialize + DeserializeOwned + JsonSchema {
-    /// The name of the stage: that of its file, its option group, its test and its entry in the
+    /// The name of the stage, also of its file, its option group, its test and its entry in the
     /// report.
     const STAGE: &'static str;
 }

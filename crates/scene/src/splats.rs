@@ -6,7 +6,7 @@ use crate::soup::{Soup, keep_rows, rgb_from_sh0};
 use glam::{Quat, Vec3};
 
 /// Standard deviations from a Gaussian's middle to the corners of its triangle: the triangle then
-/// covers about what the eye sees of it.
+/// covers about the visible part of the Gaussian.
 const CORNER_SIGMAS: f32 = 2.2;
 
 /// N Gaussians. Values are physical, never logits or logarithms.

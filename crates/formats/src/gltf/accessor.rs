@@ -17,8 +17,9 @@ use trisplat_scene::atlas::{self, PaintedFaces};
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{Error, Limits, Result, Texture};
 
-/// Decompressed views kept for the next accessor: positions, colours and indices of a mesh.
-const KEPT_VIEWS: usize = 4;
+/// Maximum number of decompressed views kept for the next accessor: positions, colours and indices of
+/// a mesh.
+const MAX_CACHED_VIEWS: usize = 4;
 
 /// Memory layout of an accessor's elements in their (decompressed) buffer view.
 #[derive(Debug, Clone, Copy)]
@@ -263,7 +264,7 @@ impl<'a> Accessors<'a> {
         self.buffers.read(compressed.buffer, compressed.byte_offset, &mut packed)?;
         let words =
             meshopt::decode(compressed, &packed).map_err(|reason| self.malformed(place, reason))?;
-        if self.unpacked.len() == KEPT_VIEWS {
+        if self.unpacked.len() == MAX_CACHED_VIEWS {
             self.unpacked.pop_front();
         }
         self.unpacked.push_back((index, words));
@@ -365,7 +366,7 @@ pub(crate) const UNREAD: &str =
     "a texture is not read, its triangles have the base colour of their material";
 
 /// The faces of a primitive on a picture, or why there is none. `corner` maps a corner to its
-/// vertex in the primitive; the faces are those of the merged mesh.
+/// vertex in the primitive; `faces` are numbers of the merged mesh.
 pub(crate) fn painted_faces(
     document: &GltfDocument,
     accessors: &mut Accessors,

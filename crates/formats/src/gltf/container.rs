@@ -12,7 +12,7 @@ const HEADER_BYTES: u64 = 12;
 const CHUNK_HEADER_BYTES: u64 = 8;
 const JSON_CHUNK: u32 = u32::from_le_bytes(*b"JSON");
 const BIN_CHUNK: u32 = u32::from_le_bytes(*b"BIN\0");
-/// Chunks and buffer views start on multiples of this.
+/// Alignment of chunks and buffer views, bytes.
 const ALIGNMENT: u64 = 4;
 
 /// The kind of file for the binary buffer.
@@ -24,7 +24,7 @@ pub enum Container {
     Gltf,
 }
 
-// ---- written ------------------------------------------------------------------------------------
+// ---- Writing ------------------------------------------------------------------------------------
 
 /// Start of each stream, every one on a multiple of 4 bytes, and the end of the last.
 pub fn stream_offsets(lengths: impl Iterator<Item = u64>) -> (Vec<u64>, u64) {
@@ -117,7 +117,7 @@ fn length(bytes: u64) -> io::Result<[u8; 4]> {
     Ok(bytes.to_le_bytes())
 }
 
-// ---- read ---------------------------------------------------------------------------------------
+// ---- Reading ------------------------------------------------------------------------------------
 
 /// The JSON of a glTF file, and the places of its chunks.
 #[derive(Debug)]
@@ -145,10 +145,8 @@ impl ContainerFile {
         let path = source.path.clone();
         let is_glb = source.head()?.starts_with(MAGIC);
         let chunks = if is_glb { chunks(source)? } else { Vec::new() };
-        let (start, bytes) = match chunks.first() {
-            Some(chunk) => (chunk.start, chunk.length),
-            None => (0, source.len),
-        };
+        let start = chunks.first().map_or(0, |chunk| chunk.start);
+        let bytes = chunks.first().map_or(source.len, |chunk| chunk.length);
         // Buffers embedded as base64 count.
         limits.document(format_args!("{}: JSON", path.display()), bytes)?;
         let mut json = limits.zeroed(path.display(), bytes as usize)?;

@@ -436,8 +436,7 @@ pub(crate) const DRACO: &str = "KHR_draco_mesh_compression";
 /// Many copies of a node's mesh.
 pub(crate) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
-/// Extensions that a file may require: those that are read, and those that only change the look of
-/// a surface.
+/// Extensions that a file may require: they are read, or only change the look of a surface.
 const READABLE: [&str; 12] = [
     format::GLTF_EXTENSION,
     format::SPZ_EXTENSION,

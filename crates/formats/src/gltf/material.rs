@@ -80,7 +80,7 @@ impl GltfMaterial {
         SRGB_HINTS.iter().any(|hint| name.ends_with(hint))
     }
 
-    /// Minimum alpha of what is drawn, if the alpha only cuts out.
+    /// Minimum alpha of a drawn place, if the alpha only cuts out.
     pub(crate) fn cutoff(&self) -> Option<f32> {
         let is_mask = self.alpha_mode == Some(Checked::Valid(AlphaMode::Mask));
         is_mask.then(|| self.alpha_cutoff.unwrap_or(AlphaCutoff::default().0))
@@ -193,7 +193,7 @@ struct PictureSource {
 }
 
 impl GltfTexture {
-    /// Number of its picture, or what it has in place of one that is read.
+    /// Number of its picture, or the kind of its picture that is not read.
     pub(crate) fn picture(&self) -> Result<usize, &'static str> {
         let readable = self.extensions.webp.as_ref().map(|webp| webp.source).or(self.source);
         readable.ok_or(match &self.extensions {

@@ -49,7 +49,7 @@ pub fn to_glb_bytes(asset: &Asset, options: &GltfOptions) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Writes `asset` as one GLB and returns what was written; `path` is for messages.
+/// Writes `asset` as one GLB; `path` is for messages.
 ///
 /// Positions are written unchanged, because the bake has turned the scene Y-up.
 ///
@@ -74,7 +74,7 @@ pub fn write_glb(
     Ok(written(&content, bytes, large))
 }
 
-/// Writes `asset` as a .gltf document and its .bin buffer and returns what was written.
+/// Writes `asset` as a .gltf document and its .bin buffer.
 ///
 /// `bin_name` is the buffer's file name, beside the document; `path` is for messages.
 ///

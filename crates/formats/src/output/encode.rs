@@ -85,7 +85,7 @@ struct SetWriter<'a> {
 
 impl SetWriter<'_> {
     /// The tiles, which have their final names, and the tileset, which gets its name with the other
-    /// files. Returns what to call then.
+    /// files. Returns a function to call then.
     fn tiles(
         &mut self,
         asset: &Asset,

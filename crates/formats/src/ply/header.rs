@@ -5,10 +5,10 @@ use std::io::{BufRead, BufReader, Read};
 use trisplat_scene::input::BYTE_ORDER_MARK;
 use trisplat_scene::{Error, Result, excerpt};
 
-/// More than any real header; a longer one is not of a PLY file, or is broken.
-const LONGEST: u64 = 1 << 20;
+/// Maximum size of a header, bytes: far above any real one.
+const MAX_HEADER_BYTES: u64 = 1 << 20;
 
-/// Elements in a file, or properties in an element.
+/// Maximum number of elements in a file, or of properties in an element.
 const MAX_ELEMENTS: usize = 1024;
 
 /// Encoding of the body.
@@ -69,6 +69,7 @@ pub(super) enum PropertyType {
     List { count: Scalar, item: Scalar },
 }
 
+/// A property of an element.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Property {
     pub(super) name: String,
@@ -82,6 +83,7 @@ impl Property {
     }
 }
 
+/// An element: its name and the form of its rows.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Element {
     pub(super) name: String,
@@ -117,7 +119,7 @@ pub fn read(source: &mut Source) -> Result<PlyHeader> {
     let path = source.path.clone();
     let io = |e| Error::io(&path, e);
     source.rewind()?;
-    let mut reader = BufReader::with_capacity(1 << 14, &*source.file).take(LONGEST);
+    let mut reader = BufReader::with_capacity(1 << 14, &*source.file).take(MAX_HEADER_BYTES);
     let mut draft = HeaderDraft::default();
     let mut line = Vec::new();
     let mut number = 0;
@@ -139,7 +141,7 @@ pub fn read(source: &mut Source) -> Result<PlyHeader> {
             break;
         }
     }
-    let body = LONGEST - reader.limit();
+    let body = MAX_HEADER_BYTES - reader.limit();
     let encoding = draft.encoding.ok_or_else(|| {
         Error::malformed(
             &path,

@@ -14,8 +14,8 @@ pub(super) fn are_in(vertices: &Element) -> bool {
     ["scale_0", "rot_0", "packed_position"].iter().any(|p| vertices.has(p))
 }
 
-/// The Gaussians, and the origin that was subtracted from their positions. A warning names another
-/// dialect than that of the trainers.
+/// The Gaussians, and the origin that was subtracted from their positions. A warning names a
+/// dialect other than the trainers'.
 pub(super) fn read(
     source: &Source,
     header: &PlyHeader,

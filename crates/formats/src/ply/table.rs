@@ -50,7 +50,7 @@ enum RowStorage<'a> {
     Memory(Vec<u8>),
 }
 
-/// The rows of the elements called `names`, `None` for those that the file lacks. Faces may be
+/// The rows of the elements called `names`, `None` for one that the file lacks. Faces may be
 /// `polygons`.
 ///
 /// # Errors
@@ -249,7 +249,7 @@ impl<'a> PlyTable<'a> {
     }
 
     /// Reads all rows on all threads: `read` gets the number of a block's first row, its rows and
-    /// its part. The error is that of the first block, so that it does not depend on threads.
+    /// its part. The error is the first block's, so that it does not depend on threads.
     pub(super) fn blocks<P: Send, R: Send>(
         &self,
         parts: impl IntoIterator<Item = P>,

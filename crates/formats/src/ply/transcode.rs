@@ -133,7 +133,7 @@ impl Input<'_> {
         Ok(())
     }
 
-    /// A face's corners: three go into its row, and those of a polygon into `polygons` too.
+    /// A face's corners: three go into its row, and all of a polygon into `polygons` too.
     fn corners(
         &mut self,
         count: Scalar,

@@ -139,8 +139,8 @@ pub(crate) fn beside(path: &Path) -> Option<PathBuf> {
 // ---- A check that cameras fit the Gaussians -----------------------------------------------------
 //
 // A trained Gaussian was in front of everything else in some photo. So most of them are, for
-// cameras in their own frame, and fewer for turned ones: they look past what is dense, or from
-// inside of it.
+// cameras in their own frame, and fewer for turned ones: they look past dense regions, or from
+// inside of them.
 
 /// Minimum number of cameras that are checked: fewer may show any part of a scene.
 const MIN_CAMERAS: usize = 8;

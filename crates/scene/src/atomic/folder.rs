@@ -103,8 +103,8 @@ impl AtomicFolder {
         Ok(path)
     }
 
-    /// Moves the files to their places when they are on the disk. Those that begin with `naming`,
-    /// which name the others, come last. After an error each name has its old file.
+    /// Moves the files to their places when they are on the disk. Files whose name begins with
+    /// `naming` name the others and come last. After an error each name has its old file.
     ///
     /// # Errors
     ///
@@ -158,7 +158,7 @@ fn holds_files(folder: &Path) -> bool {
     collect(folder, Path::new(""), &mut names).is_ok() && !names.is_empty()
 }
 
-/// Moves whole files to their places, those that begin with `naming` last, and the old ones out of
+/// Moves whole files to their places, names that begin with `naming` last, and the old files out of
 /// them.
 fn move_in(folder: &Path, aside: &Path, naming: &str) -> Result<()> {
     let whole = aside.join("whole");

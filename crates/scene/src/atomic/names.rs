@@ -36,8 +36,8 @@ pub fn safe_name(name: &str) -> String {
     }
 }
 
-/// Make a relative path of a foreign one: the parts of `path` as [`safe_name`]s; those that lead
-/// elsewhere are left out.
+/// Make a relative path of a foreign one: the parts of `path` as [`safe_name`]s; `.`, `..`
+/// and empty parts are left out.
 pub fn safe_path(path: &str) -> PathBuf {
     let parts = path.split('/').filter(|part| !["", ".", ".."].contains(part));
     parts.map(safe_name).collect()

@@ -31,7 +31,7 @@ pub(super) struct Temporary {
 }
 
 impl Temporary {
-    /// Starts the file of `target`, and removes that of a killed process.
+    /// Starts the file of `target`, and removes the one of a killed process.
     pub(super) fn create(target: &Path) -> io::Result<Self> {
         let path = temporary_name(target);
         for _ in 0..MAX_TRIES {

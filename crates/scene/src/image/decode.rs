@@ -83,7 +83,7 @@ fn decode_from(
     })
 }
 
-/// Decodes a picture smaller if its format supports it and no side falls below that of `min_size`: a
+/// Decodes a picture smaller if its format supports it and no side falls below `min_size`: a
 /// JPEG at 1/2, 1/4 or 1/8, an opaque PNG at `min_size`; otherwise in full. Returns its full size too.
 pub(super) fn decode_reduced(
     path: &Path,
@@ -163,7 +163,7 @@ pub(super) fn max_decoding_bytes(path: &Path, mut file: impl BufRead, size: UVec
         // A progressive one: coefficients of three channels in 16 bits, and the result.
         9
     } else if start.starts_with(b"RIFF") {
-        // The decoder has planes of its own, those of opacity too, beside the result.
+        // The decoder has planes of its own beside the result, also for opacity.
         if start.get(12..16) == Some(EXTENDED) { 11 } else { 7 }
     } else {
         // TIFF: four channels of 16 bits, and the result.
@@ -290,8 +290,8 @@ pub(super) fn reduced(
     })
 }
 
-/// Walks the segments of a JPEG file up to its end marker; what cameras append behind it does not
-/// count.
+/// True when a JPEG file has all its segments up to the end marker; data that cameras append behind
+/// it do not count.
 pub(super) fn is_whole(bytes: &[u8]) -> bool {
     let mut at = JPEG_START.len();
     loop {

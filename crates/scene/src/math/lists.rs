@@ -26,7 +26,7 @@ pub fn evenly_spaced(len: usize, count: usize) -> impl Iterator<Item = usize> {
 
 // ---- Disjoint sets of numbers, which are joined one by one --------------------------------------
 
-/// Sets of the numbers below a count; each number begins in a set of its own.
+/// Disjoint sets of the numbers below a count; each number begins in a set of its own.
 #[derive(Debug)]
 pub struct Sets(Vec<u32>);
 
@@ -36,7 +36,7 @@ impl Sets {
         Self((0..count as u32).collect())
     }
 
-    /// The least number of the set that `number` is in. Paths to it are halved on the way.
+    /// The smallest number of the set of `number`. Paths to it are halved on the way.
     pub fn first(&mut self, mut number: u32) -> u32 {
         let Self(parents) = self;
         while parents[number as usize] != number {
@@ -47,7 +47,7 @@ impl Sets {
         number
     }
 
-    /// Makes one set of those that `a` and `b` are in.
+    /// Joins the sets of `a` and `b`.
     pub fn join(&mut self, a: u32, b: u32) {
         let a = self.first(a);
         let b = self.first(b);

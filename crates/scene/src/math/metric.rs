@@ -1,14 +1,13 @@
 //! Image metrics between a picture and a photo: PSNR, SSIM and FLIP on 8-bit sRGB pixels.
 //!
-//! The conventions are those of 3DGS and everything measured against it: PSNR over all channels of
-//! one image, SSIM of Wang et al. 2004 with an 11x11 Gaussian, σ 1.5, zero padding, mean over
+//! Conventions of 3DGS and everything measured against it: PSNR over all channels of one image, SSIM of Wang et al. 2004 with an 11x11 Gaussian, σ 1.5, zero padding, mean over
 //! channels. A weight per pixel, 0 to 255, excludes masked pixels; `None` weights all equally.
 
 use super::real::Real;
 use crate::parallel;
 use glam::UVec2;
 
-/// Below this mean squared error two pictures count as equal: 120 dB.
+/// Minimum mean squared error, 120 dB: below it two pictures count as equal.
 const MIN_SQUARED_ERROR: f64 = 1e-12;
 
 /// Peak signal-to-noise ratio in dB: -10 log10 of the mean squared error, 120 for equal pictures.
@@ -42,7 +41,8 @@ pub fn flip(size: UVec2, reference: &[[u8; 3]], test: &[[u8; 3]], weights: Optio
     let picture = |rgb: &[[u8; 3]]| {
         flip_rs::RgbImage::new(size.x as usize, size.y as usize, rgb.as_flattened().to_vec())
     };
-    let (Ok(reference), Ok(test)) = (picture(reference), picture(test)) else { return f64::NAN };
+    let Ok(reference) = picture(reference) else { return f64::NAN };
+    let Ok(test) = picture(test) else { return f64::NAN };
     let map = flip_rs::ldr_flip(&reference, &test, flip_rs::DEFAULT_PPD);
     map.map_or(f64::NAN, |map| weighted_mean(map.into_pixels().into_iter().map(f64::from), weights))
 }
@@ -57,7 +57,7 @@ fn ssim_row(
 ) -> Vec<f64> {
     let half = TAPS / 2;
     let height = a.len() / width;
-    // Per channel: a, b, a², b², ab, filtered down the column. // [W][3][5]
+    // Per channel: a, b, a², b², ab, filtered down the column. `[W][3][5]`
     let mut columns = vec![[[0.0f64; 5]; 3]; width];
     for (tap, weight) in window.iter().enumerate() {
         let Some(row) = (y + tap).checked_sub(half).filter(|&row| row < height) else { continue };

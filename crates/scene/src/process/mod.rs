@@ -78,7 +78,7 @@ mod system {
 
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     pub(super) fn release_freed() {
-        // SAFETY: it takes no pointer, and leaves what is in use as it is.
+        // SAFETY: it takes no pointer, and frees no memory in use.
         #[allow(unsafe_code, reason = "the system's interface")]
         unsafe {
             libc::malloc_trim(0);

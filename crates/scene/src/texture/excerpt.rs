@@ -1,8 +1,8 @@
 //! The parts of pages that faces show, on a page of their own: for a tile or a cropped scene.
 //!
 //! Rectangles around faces are copied, with free texels around them. They begin at even texels, so
-//! that the next mip level stays as clean as it was. Rectangles of faces that belong together, such
-//! as those of a chart, become one where that has fewer texels.
+//! that the next mip level stays as clean as it was. Rectangles of connected faces, such as a chart,
+//! become one where that has fewer texels.
 
 use super::{FaceTexture, Texture};
 use crate::image::RgbImage;
@@ -21,7 +21,7 @@ const SIZE_STEP: u32 = 32;
 const SQUARE: u32 = 32;
 /// Maximum number of grid squares that are searched for one rectangle.
 const MAX_SQUARES: u32 = 1 << 12;
-/// Maximum texels of an excerpt, as a share of those of all pages; above it the pages stay.
+/// Maximum texels of an excerpt, as a share of the texels of all pages; above it the pages stay.
 const MAX_TEXEL_SHARE: f64 = 0.75;
 
 /// A rectangle of a page, its end excluded.
@@ -83,7 +83,7 @@ impl FaceTexture {
         )
     }
 
-    /// Rectangles that hold the texels of all faces, and the number of that of each. `[F]`
+    /// Rectangles that hold the texels of all faces, and each face's number of its rectangle. `[F]`
     fn rectangles(&self, pages: &[&RgbImage]) -> (Vec<Rectangle>, Vec<u32>) {
         let of_face = |face: usize| {
             let page = self.page(face);
@@ -131,8 +131,8 @@ impl FaceTexture {
     }
 }
 
-/// The rectangle around all faces of each face's chart, or its own if those of all faces have fewer
-/// texels. `[F]`
+/// The rectangle around all faces of each face's chart, or its own if the faces' own rectangles have
+/// fewer texels. `[F]`
 fn charts(chart_of: &[u32], own: &[Rectangle]) -> Vec<Rectangle> {
     let mut around: Vec<Option<(Rectangle, u64)>> = vec![None; own.len()];
     for (chart, one) in chart_of.iter().zip(own) {
