@@ -144,6 +144,18 @@ refused(ValueError, "none", trisplat.eval, folder / "trained.glb", photos, split
 refused(ValueError, "ssaa", trisplat.render, folder / "trained.glb", orbit=1, ssaa=3)
 refused(ValueError, "orbit", trisplat.render, folder / "trained.glb")
 
+# One call from photos to a file, a surface, and captures of nothing.
+report = trisplat.make(photos, folder / "made.glb", work=folder / "made", steps=100, preset="fast", dataset_options=how)
+assert (folder / "made.glb").exists() and [stage["name"] for stage in report["stages"]][:1] == ["capture"], report["stages"]
+refused(FileExistsError, "force=True", trisplat.make, photos, folder / "made.glb", steps=100)
+surface = trisplat.mesh(folder / "trained.ply", dataset=photos, dataset_options=how, max_triangles=500)
+assert 0 < len(surface["faces"]) <= 500
+report = trisplat.mesh(folder / "trained.ply", folder / "surface.ply", dataset=photos, dataset_options=how)
+assert report["outputs"][0]["bytes"] == (folder / "surface.ply").stat().st_size
+refused(FileExistsError, "force=True", trisplat.mesh, folder / "trained.ply", folder / "surface.ply")
+refused(OSError, "none", trisplat.capture, folder / "none", folder / "captured")
+refused(ValueError, "framez", trisplat.capture, folder / "none", folder / "captured", framez=3)
+
 # The stubs say what the module has: the same functions, arguments and defaults, in the same order.
 package = pathlib.Path(trisplat.__file__).parent
 assert (package / "py.typed").exists(), sorted(package.iterdir())

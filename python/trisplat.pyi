@@ -74,6 +74,52 @@ def bake(
 ) -> dict[str, Any]:
     """Bakes a scene for a game engine. Returns the report with `output`, the arrays of the mesh without."""
 
+def make(
+    inputs: Union[_Path, Sequence[_Path]],
+    output: _Path,
+    *,
+    page: Optional[_Path] = None,
+    work: Optional[_Path] = None,
+    force: bool = False,
+    anyway: bool = False,
+    budget: float = 600.0,
+    steps: Optional[int] = None,
+    dataset_options: Optional[Mapping[str, Any]] = None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Makes files for an engine from photos, a video or photos with poses: poses, training, bake. Returns the report."""
+
+def capture(
+    inputs: Union[_Path, Sequence[_Path]],
+    output: _Path,
+    *,
+    force: bool = False,
+    **options: Any,
+) -> dict[str, Any]:
+    """Finds the camera poses of photos or a video and writes a data set. Returns the report."""
+
+@overload
+def mesh(
+    source: _Source,
+    output: None = None,
+    *,
+    dataset: Optional[_Path] = None,
+    force: bool = False,
+    dataset_options: Optional[Mapping[str, Any]] = None,
+    **options: Any,
+) -> dict[str, NDArray[Any]]: ...
+@overload
+def mesh(
+    source: _Source,
+    output: _Path,
+    *,
+    dataset: Optional[_Path] = None,
+    force: bool = False,
+    dataset_options: Optional[Mapping[str, Any]] = None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Makes one connected surface of a scene or of photos. Returns the report with `output`, the arrays of the mesh without."""
+
 def eval(
     file: _Path,
     dataset: _Path,

@@ -1,8 +1,9 @@
-//! `import trisplat`: scenes and pictures as numpy arrays, training, bake and evaluation. Options
+//! `import trisplat`: scenes and pictures as numpy arrays, and the jobs of the program. Options
 //! are the library's own, by the names of their fields. `trisplat.pyi` has the types; tests compare
 //! it with this module.
 
 mod arrays;
+mod jobs;
 mod objects;
 mod options;
 mod training;
@@ -200,6 +201,9 @@ fn python_module(whole: &Bound<'_, PyModule>) -> PyResult<()> {
     whole.add_function(wrap_pyfunction!(read, whole)?)?;
     whole.add_function(wrap_pyfunction!(training::train, whole)?)?;
     whole.add_function(wrap_pyfunction!(bake, whole)?)?;
+    whole.add_function(wrap_pyfunction!(jobs::make, whole)?)?;
+    whole.add_function(wrap_pyfunction!(jobs::capture, whole)?)?;
+    whole.add_function(wrap_pyfunction!(jobs::mesh, whole)?)?;
     whole.add_function(wrap_pyfunction!(eval, whole)?)?;
     whole.add_function(wrap_pyfunction!(render, whole)?)?;
     whole.add_function(wrap_pyfunction!(objects::to_trimesh, whole)?)?;

@@ -121,7 +121,7 @@ pub fn run(
     let mut terminal = Terminal::new(global, flags::command_of::<MakeArgs>("make"));
     let done = job.run(&mut |event| {
         if let (Event::Part(part), Some(budget)) = (&event, budget) {
-            for text in announced(*part, budget) {
+            if let Some(text) = announced(*part, budget) {
                 terminal.line(&text);
             }
         }

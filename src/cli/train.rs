@@ -46,27 +46,15 @@ pub fn run(
     // An output that must not be written is said before a checkpoint that cannot be read.
     let mut files = guard(args, inputs, &outputs)?;
     let (point, warnings) = read?;
-    let options = match &point {
-        Some(point) => Layered::over(&point.meta.options, point.meta.options.clone()),
-        None => {
-            let preset =
-                if args.from.is_some() { TrainOptions::from_scene } else { TrainOptions::preset };
-            let sources =
-                OptionSources { matches, sets: &args.sets, config: args.config.as_deref() };
-            let options = sources.resolve(&args.options, &args.dataset_options.limits, preset)?;
-            options.options.validate()?;
-            options
-        }
-    };
+    let options = layered_options(args, matches, point.as_ref())?;
     let how = reading(&args.dataset_options, point.as_ref());
     let read = |path| formats::read(path, &how.read_options(3));
     let mut from = args.from.as_deref().map(read).transpose()?;
     let dataset = dataset(args, &how, from.as_mut(), &options.options, global)?;
     files.forbid_overwriting_photos(&dataset)?;
     let teacher_file = train_args::beside(&args.output);
-    let mut job = TrainJob::new(dataset, options.options.clone());
+    let mut job = TrainJob::with_layers(dataset, options);
     job.dataset_options = how;
-    job.options = options;
     job.from = from;
     job.teacher = args.teacher.teacher.clone();
     job.teacher_share = args.teacher.teacher_share;
@@ -79,14 +67,18 @@ pub fn run(
     job.force_resume = args.force_resume;
 
     let terminal = Terminal::new(global, flags::command_of::<TrainArgs>("train"));
-    let written = None;
-    let failed = None;
-    let mut shown =
-        TrainTerminal { args, terminal, files, teacher_file, watcher, warnings, written, failed };
+    let mut shown = TrainTerminal {
+        args,
+        terminal,
+        files,
+        teacher_file,
+        watcher,
+        warnings,
+        written: None,
+        failed: None,
+    };
     let done = job.run(&mut |event| shown.tell(event));
-    let TrainTerminal {
-        mut terminal, mut files, mut warnings, written, failed, mut watcher, ..
-    } = shown;
+    let TrainTerminal { mut terminal, files, warnings, written, failed, watcher, .. } = shown;
     if let Some(error) = failed {
         return Err(error);
     }
@@ -98,11 +90,30 @@ pub fn run(
         }
         done => done?,
     };
-    let TrainResult { trained, mut report, teacher, teacher_share } = done;
-    let Some(mut bar) = terminal.bar.take() else {
-        unreachable!("a training that ended has begun")
-    };
+    let Some(bar) = terminal.bar.take() else { unreachable!("a training that ended has begun") };
     drop(terminal);
+    finish(args, matches, clock, done, TrainEnd { bar, files, warnings, written, watcher })
+}
+
+/// Parts of the terminal that outlive the training.
+struct TrainEnd<'a> {
+    bar: Bar,
+    files: Outputs<'a>,
+    warnings: Vec<String>,
+    written: Option<OutputReport>,
+    watcher: Option<Box<dyn Watcher>>,
+}
+
+/// Writes the scene and the report; prints the result and the next command.
+fn finish(
+    args: &TrainArgs,
+    matches: &ArgMatches,
+    clock: Instant,
+    done: TrainResult,
+    end: TrainEnd<'_>,
+) -> Result<ExitCode> {
+    let TrainResult { trained, mut report, teacher, teacher_share } = done;
+    let TrainEnd { mut bar, mut files, mut warnings, written, mut watcher } = end;
     let read =
         args.from.as_deref().into_iter().chain(teacher.input()).chain(args.dataset.as_deref());
     report.inputs = read.map(|path| path.display().to_string()).collect();
@@ -113,13 +124,31 @@ pub fn run(
     let lost = bar.done();
     let written = written_line(args, &trained);
     bar.line(&written);
-    watcher.iter_mut().for_each(|watcher| watcher.ended(&written, trained.clone().into()));
+    if let Some(watcher) = &mut watcher {
+        watcher.ended(&written, trained.clone().into());
+    }
     summary(args, (&teacher, teacher_share), &trained, &bar);
     if let (true, Some(checkpoint)) = (trained.stopped, &trained.checkpoint) {
         let command = train_args::command(matches, args, checkpoint);
         bar.line(&format!("stopped early; to continue: {command}"));
     }
     ended(args, &trained, &lost)
+}
+
+/// The options of a new run, or those of the checkpoint that it resumes.
+fn layered_options(
+    args: &TrainArgs,
+    matches: &ArgMatches,
+    point: Option<&Checkpoint>,
+) -> Result<Layered<TrainOptions>> {
+    if let Some(point) = point {
+        return Ok(Layered::over(&point.meta.options, point.meta.options.clone()));
+    }
+    let preset = if args.from.is_some() { TrainOptions::from_scene } else { TrainOptions::preset };
+    let sources = OptionSources { matches, sets: &args.sets, config: args.config.as_deref() };
+    let options = sources.resolve(&args.options, &args.dataset_options.limits, preset)?;
+    options.options.validate()?;
+    Ok(options)
 }
 
 /// Another viewer of a run.

@@ -6,7 +6,7 @@ use super::evaluate::EvalJob;
 use super::event::{Event, MakePart, Observer, add, stages};
 use super::photo_check::check_photos;
 use super::scores::{RepresentationScore, SharedPixels};
-use super::training::{TrainJob, reading};
+use super::training::{TrainJob, TrainResult, reading};
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -16,9 +16,10 @@ use trisplat_dataset::capture::{Capture, CaptureOptions, VerdictDetails, check_a
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::output::{self, OutputFormat};
 use trisplat_scene::atomic::{AtomicFile, FileManifest, MadeFolders};
+use trisplat_scene::layered::Layered;
 use trisplat_scene::report::{Report, StageReport};
 use trisplat_scene::{Asset, Error, Limits, Provenance, Region, Result, Seconds, input};
-use trisplat_train::{BackendOptions, TrainOptions, TrainOutputs, checkpoint};
+use trisplat_train::{BackendOptions, Checkpoint, TrainOptions, TrainOutputs, checkpoint};
 
 /// Share of the budget for training; the bake needs less than the rest.
 const TRAINING: f64 = 0.85;
@@ -133,6 +134,15 @@ impl StoredTraining {
         });
         self
     }
+
+    /// Adds the figures of a finished training to `report`.
+    fn add_to(&self, report: &mut Report, observer: Observer<'_>) {
+        for stage in &self.stages {
+            let stage = StageReport { skipped: Some(DONE.into()), seconds: 0.0, ..stage.clone() };
+            add(stage, report, observer);
+        }
+        report.warnings.extend(self.warnings.iter().cloned());
+    }
 }
 
 impl MakeJob {
@@ -165,70 +175,13 @@ impl MakeJob {
         let clock = Instant::now();
         // Removed if it stays empty.
         let _made = MadeFolders::make(&self.work)?;
-        let mut report = Report::new("make");
-        let (dataset, verdict) = match &self.inputs[..] {
-            [posed] if Dataset::is_posed(posed) => {
-                report.inputs.push(posed.display().to_string());
-                add(
-                    StageReport::skipped("capture", "the photos have poses".into()),
-                    &mut report,
-                    observer,
-                );
-                (posed.clone(), None)
-            }
-            photos => {
-                check_apart("work", &self.work, photos)?;
-                let _ = observer(Event::Part(MakePart::Capture));
-                let folder = self.work.join("photos");
-                let mut job = Capture::new(self.inputs.iter().cloned(), folder.clone());
-                job.options = self.capture.clone();
-                job.force = self.force;
-                job.skip_broken = self.dataset_options.skip_broken;
-                job.least_photos = MIN_PHOTOS;
-                (folder, Some(job.run(&mut report, &mut stages(observer))?))
-            }
-        };
-        let mut done = MakeDone {
-            report,
-            dataset,
-            verdict: None,
-            score: None,
-            judged: Vec::new(),
-            earlier: None,
-            trained_on: 0,
-            subject: None,
-            stopped: false,
-        };
-        if let Some(verdict) = verdict {
-            done.stopped = verdict.is_none();
-            done.verdict = verdict;
-        }
-        let hopeless = done.verdict.as_ref().and_then(VerdictDetails::hopeless);
-        if let Some(why) = hopeless.filter(|_| !self.anyway) {
-            let reason = format!(
-                "is a poor capture: {why}; take photos that overlap by half or more, or train with `anyway`"
-            );
-            return Err(Error::unsupported(&done.dataset, reason));
-        }
+        let mut done = self.find_poses(observer)?;
         if !done.stopped {
             done.stopped = !self.train_once(&done.dataset, &mut done.report, observer)?;
         }
         done.stopped = done.stopped || observer(Event::Part(MakePart::Bake)).is_break();
         if !done.stopped {
-            let photos = Dataset::load(&done.dataset, &self.dataset_options)?;
-            let baked = self.bake(&photos, &mut done.report, observer);
-            done.subject = baked.map_err(|error| match error {
-                Error::ForeignPhotos { fault, .. } => {
-                    let reason = format!(
-                        "has {fault}; train longer, or take photos that overlap by half or more"
-                    );
-                    Error::unsupported(&done.dataset, reason)
-                }
-                error => error,
-            })?;
-            done.trained_on = photos.train().count();
-            done.score = self.score(&photos, &mut done.judged)?;
-            done.earlier = self.remember(done.score.as_ref())?;
+            self.bake_and_score(&mut done, observer)?;
         }
         done.report.seconds = clock.elapsed().as_secs_f64();
         if !done.stopped {
@@ -242,7 +195,67 @@ impl MakeJob {
         Ok(done)
     }
 
-    /// Trains, and keeps the list of what was written. Returns false when stopped.
+    /// Start the result with a data set: the input, or a capture of it.
+    fn find_poses(&self, observer: Observer<'_>) -> Result<MakeDone> {
+        let mut done = MakeDone {
+            report: Report::new("make"),
+            dataset: self.work.join("photos"),
+            verdict: None,
+            score: None,
+            judged: Vec::new(),
+            earlier: None,
+            trained_on: 0,
+            subject: None,
+            stopped: false,
+        };
+        if let [posed] = &self.inputs[..]
+            && Dataset::is_posed(posed)
+        {
+            done.report.inputs.push(posed.display().to_string());
+            let skipped = StageReport::skipped("capture", "the photos have poses".into());
+            add(skipped, &mut done.report, observer);
+            posed.clone_into(&mut done.dataset);
+            return Ok(done);
+        }
+        check_apart("work", &self.work, &self.inputs)?;
+        let _ = observer(Event::Part(MakePart::Capture));
+        let mut job = Capture::new(self.inputs.iter().cloned(), done.dataset.clone());
+        job.options = self.capture.clone();
+        job.force = self.force;
+        job.skip_broken = self.dataset_options.skip_broken;
+        job.least_photos = MIN_PHOTOS;
+        done.verdict = job.run(&mut done.report, &mut stages(observer))?;
+        done.stopped = done.verdict.is_none();
+        let hopeless = done.verdict.as_ref().and_then(VerdictDetails::hopeless);
+        if let Some(why) = hopeless.filter(|_| !self.anyway) {
+            let reason = format!(
+                "is a poor capture: {why}; take photos that overlap by half or more, or train with `anyway`"
+            );
+            return Err(Error::unsupported(&done.dataset, reason));
+        }
+        Ok(done)
+    }
+
+    /// Bake the trained scene and score its file.
+    fn bake_and_score(&mut self, done: &mut MakeDone, observer: Observer<'_>) -> Result<()> {
+        let photos = Dataset::load(&done.dataset, &self.dataset_options)?;
+        let subject = self.bake(&photos, &mut done.report, observer);
+        done.subject = subject.map_err(|error| match error {
+            Error::ForeignPhotos { fault, .. } => {
+                let reason = format!(
+                    "has {fault}; train longer, or take photos that overlap by half or more"
+                );
+                Error::unsupported(&done.dataset, reason)
+            }
+            error => error,
+        })?;
+        done.trained_on = photos.train().count();
+        done.score = self.score(&photos, &mut done.judged)?;
+        done.earlier = self.remember(done.score.as_ref())?;
+        Ok(())
+    }
+
+    /// Trains, and keeps the list of written files. Returns false when stopped.
     fn train_once(&self, path: &Path, report: &mut Report, observer: Observer<'_>) -> Result<bool> {
         let mut ours = FileManifest::read(&self.work, FILES)?;
         let trained = self.train(path, &mut ours, report, observer);
@@ -260,8 +273,7 @@ impl MakeJob {
         report: &mut Report,
         observer: Observer<'_>,
     ) -> Result<bool> {
-        let [scene, point, notes, teacher] =
-            [SCENE, CHECKPOINT, NOTES, TEACHER].map(|name| self.work.join(name));
+        let [scene, point, notes] = [SCENE, CHECKPOINT, NOTES].map(|name| self.work.join(name));
         let (photos, key) = self.training_key(path)?;
         let effort = self.budget.map_or(self.train.steps as f64, |budget| budget.0);
         let last = stored(&notes);
@@ -271,13 +283,7 @@ impl MakeJob {
         if let Some(before) =
             before.as_ref().filter(|before| !before.stages.is_empty() && scene.is_file())
         {
-            for stage in &before.stages {
-                // The finished run's own figures.
-                let stage =
-                    StageReport { skipped: Some(DONE.into()), seconds: 0.0, ..stage.clone() };
-                add(stage, report, observer);
-            }
-            report.warnings.extend(before.warnings.iter().cloned());
+            before.add_to(report, observer);
             return ours.remove(CHECKPOINT).map(|()| true);
         }
         // A checkpoint made from other photos or options is ignored, and so is a damaged one.
@@ -289,8 +295,33 @@ impl MakeJob {
             std::fs::remove_file(&point).map_err(|e| Error::io(&point, e))?;
         }
         save(&notes, &current)?;
-        let how = reading(&self.dataset_options, resume.as_ref());
-        let photos = Dataset::load(path, &how)?;
+        let job = self.training_job(path, resume)?;
+        if observer(Event::Part(MakePart::Train)).is_break() {
+            return Ok(false);
+        }
+        let Some(done) = self.run_training(job, observer)? else { return Ok(false) };
+        done.trained.save(&scene)?;
+        let stages = done.report.stages;
+        let warnings = done.report.warnings;
+        let finished =
+            StoredTraining { stages: stages.clone(), warnings: warnings.clone(), ..current };
+        save(&notes, &finished)?;
+        ours.remove(CHECKPOINT)?;
+        for stage in stages {
+            add(stage, report, observer);
+        }
+        report.warnings.extend(warnings);
+        Ok(true)
+    }
+
+    /// The training on the photos of `path`, from the beginning or from a checkpoint.
+    ///
+    /// # Errors
+    ///
+    /// Photos that cannot be read; too few of them, or such that show no scene.
+    fn training_job(&self, path: &Path, resume: Option<Checkpoint>) -> Result<TrainJob> {
+        let reading = reading(&self.dataset_options, resume.as_ref());
+        let photos = Dataset::load(path, &reading)?;
         if photos.views.len() < MIN_PHOTOS {
             let count = match photos.views.len() {
                 1 => "1 photo is".to_owned(),
@@ -303,59 +334,44 @@ impl MakeJob {
             check_photos(&photos, path)?;
         }
         let mut job = TrainJob::new(photos, self.train.clone());
-        job.dataset_options = how;
+        job.dataset_options = reading;
         job.backend = self.backend.clone();
-        job.teacher_file = Some(teacher.clone());
+        job.teacher_file = Some(self.work.join(TEACHER));
         job.began = Some(Instant::now());
         match &resume {
             Some(point) => {
-                job.options = trisplat_scene::layered::Layered::over(
-                    &point.meta.options,
-                    point.meta.options.clone(),
-                )
+                let options = &point.meta.options;
+                job.options = Layered::over(options, options.clone());
             }
             None => job.limit(self.budget, TRAINING),
         }
         job.resume = resume;
         job.outputs = TrainOutputs {
-            checkpoint: Some(point),
+            checkpoint: Some(self.work.join(CHECKPOINT)),
             checkpoint_every: CHECKPOINT_EVERY,
             ..TrainOutputs::default()
         };
-        if observer(Event::Part(MakePart::Train)).is_break() {
-            return Ok(false);
-        }
+        Ok(job)
+    }
+
+    /// Runs a training and writes its teacher; `None` when stopped.
+    fn run_training(&self, job: TrainJob, observer: Observer<'_>) -> Result<Option<TrainResult>> {
         let mut teacher_error = None;
         let mut save_teacher = |event: Event<'_>| {
             if let Event::Teacher(trained) = &event {
-                teacher_error = trained.save(&teacher).err();
+                teacher_error = trained.save(self.work.join(TEACHER)).err();
             }
             let flow = observer(event);
             if teacher_error.is_some() { ControlFlow::Break(()) } else { flow }
         };
-        let trained = job.run(&mut save_teacher);
+        let done = job.run(&mut save_teacher);
         if let Some(error) = teacher_error {
             return Err(error);
         }
-        let trained = match trained {
-            Err(Error::Stopped { .. }) => return Ok(false),
-            trained => trained?,
-        };
-        if trained.trained.stopped {
-            return Ok(false);
+        match done {
+            Err(Error::Stopped { .. }) => Ok(None),
+            done => Ok(Some(done?).filter(|done| !done.trained.stopped)),
         }
-        trained.trained.save(&scene)?;
-        let stages = trained.report.stages;
-        let warnings = trained.report.warnings;
-        let finished =
-            StoredTraining { stages: stages.clone(), warnings: warnings.clone(), ..current };
-        save(&notes, &finished)?;
-        ours.remove(CHECKPOINT)?;
-        for stage in stages {
-            add(stage, report, observer);
-        }
-        report.warnings.extend(warnings);
-        Ok(true)
     }
 
     /// Score the file on the held-out photos as `trisplat eval` does. `judged` gets the PSNR of pixels

@@ -94,10 +94,15 @@ impl TrainJob {
     /// that differ from those of their preset count as given.
     pub fn new(dataset: Dataset, options: TrainOptions) -> Self {
         let preset = TrainOptions::preset(options.preset);
+        Self::with_layers(dataset, Layered::over(&preset, options))
+    }
+
+    /// [`TrainJob::new`] with options in layers.
+    pub fn with_layers(dataset: Dataset, options: Layered<TrainOptions>) -> Self {
         Self {
             dataset,
             dataset_options: DatasetOptions::default(),
-            options: Layered::over(&preset, options),
+            options,
             from: None,
             teacher: None,
             teacher_share: None,
@@ -147,23 +152,12 @@ impl TrainJob {
         let plan = self.teacher_plan();
         let mut stages: Vec<StageReport> = self.decide_exposure(observer)?.into_iter().collect();
         let mut step_limit = StepLimit::default();
+        if plan == TeacherPlan::Train && !self.options.is_given("steps") {
+            step_limit = teacher::run_limit(self.dataset.train().count());
+        }
         let mut warnings: Vec<String> =
             self.from.iter().flat_map(|scene| scene.warnings.clone()).collect();
-        let teacher = match &plan {
-            TeacherPlan::Without(why) => {
-                stages.push(StageReport::skipped(TeacherDetails::STAGE, why.clone()));
-                None
-            }
-            TeacherPlan::Read(path) => Some(teacher::soft_scene(path, &self.dataset_options)?),
-            TeacherPlan::Train => {
-                if !self.options.is_given("steps") {
-                    step_limit = teacher::run_limit(self.dataset.train().count());
-                }
-                let (teacher, stage) = self.train_teacher(began, observer)?;
-                stages.push(stage);
-                Some(teacher)
-            }
-        };
+        let teacher = self.teacher_scene(&plan, began, &mut stages, observer)?;
         let budget_control = self.keep_to_budget(step_limit, began)?;
         warnings.extend(self.dataset.warnings.iter().cloned());
         let share = teacher.is_some().then(|| self.picture_share());
@@ -171,8 +165,15 @@ impl TrainJob {
             (Some(teacher), Some(share)) => {
                 warnings.extend(teacher.warnings.iter().cloned());
                 let options = &self.options.options;
-                let how = &self.dataset_options;
-                Some(teacher::with_pictures(&self.dataset, teacher, share, options, how, observer)?)
+                let reading = &self.dataset_options;
+                Some(teacher::with_pictures(
+                    &self.dataset,
+                    teacher,
+                    share,
+                    options,
+                    reading,
+                    observer,
+                )?)
             }
             _ => None,
         };
@@ -209,6 +210,28 @@ impl TrainJob {
         report.options = serde_json::to_value(&trained.options).unwrap_or_default();
         report.stages.push(trained.stage(triangles, seconds));
         Ok(TrainResult { trained, report, teacher: plan, teacher_share: share })
+    }
+
+    /// The soft scene of the teacher: read, trained, or none. `stages` gets its stage.
+    fn teacher_scene(
+        &self,
+        plan: &TeacherPlan,
+        began: Instant,
+        stages: &mut Vec<StageReport>,
+        observer: Observer<'_>,
+    ) -> Result<Option<ImportedScene>> {
+        match plan {
+            TeacherPlan::Without(why) => {
+                stages.push(StageReport::skipped(TeacherDetails::STAGE, why.clone()));
+                Ok(None)
+            }
+            TeacherPlan::Read(path) => teacher::soft_scene(path, &self.dataset_options).map(Some),
+            TeacherPlan::Train => {
+                let (teacher, stage) = self.train_teacher(began, observer)?;
+                stages.push(stage);
+                Ok(Some(teacher))
+            }
+        }
     }
 
     /// The share of the steps on pictures of a teacher; a resumed run keeps its number of pictures.
