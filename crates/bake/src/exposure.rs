@@ -4,7 +4,7 @@
 
 use super::views::Views;
 use trisplat_dataset::exposure::{
-    ExposureDetails, ExposureUse, Exposures, Light, Strengths, compared_size, solve,
+    ExposureDetails, ExposureUse, Exposures, Light, Strengths, solve,
 };
 use trisplat_scene::Result;
 use trisplat_scene::report::Outcome;
@@ -64,9 +64,8 @@ pub(crate) fn exposure(
     let mut sizes = Vec::with_capacity(all.len());
     for view in all {
         let photo = views.photo(view)?;
-        let size = compared_size(photo.size);
         sizes.push(photo.size);
-        lights.push(Light::at_points(&photo.shared_at(size), &tracked[view]));
+        lights.push(Light::of_photo(&photo, &tracked[view]));
     }
     let solved = solve(&lights, &sizes);
     details.verdict = Some(solved.verdict(strengths));

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 use trisplat_dataset::exposure::{
-    Exposures, Light, Strengths, compared_points, compared_size, own_exposures, points_of,
+    Exposures, Light, Strengths, compared_points, own_exposures, points_of,
 };
 use trisplat_dataset::{Dataset, DatasetOptions, Photos, ShrunkSize, Split, View};
 use trisplat_formats::{self as formats, Content};
@@ -276,8 +276,7 @@ impl<'a> ReadyEval<'a> {
         let all = &self.dataset.views;
         let lights = parallel::map(all, |_, view| {
             let photo = Arc::new(view.photo.decode()?);
-            let size = compared_size(photo.size);
-            Ok(Light::at_points(&photo.shared_at(size), &points_of(self.dataset, view)))
+            Ok(Light::of_photo(&photo, &points_of(self.dataset, view)))
         });
         let lights = lights.into_iter().collect::<Result<Vec<_>>>()?;
         let sizes: Vec<UVec2> = all.iter().map(|view| view.camera.size).collect();

@@ -10,7 +10,6 @@ use glam::UVec2;
 use std::sync::Arc;
 use trisplat_dataset::exposure::{
     ExposureEvidence, ExposureUse, LeftOutPhoto, Light, Solved, Strengths, compared_points,
-    compared_size,
 };
 use trisplat_dataset::{Dataset, DatasetOptions, Photo, View};
 use trisplat_raster::soft::{SoftOptions, SoftRasterizer, Window};
@@ -66,9 +65,9 @@ pub(super) fn decide(
     if dataset.train().any(|view| view.photo.is_cut()) {
         return Ok(AsTaken("photos of objects before nothing are taken as they are"));
     }
-    if compared_points(dataset).is_none() {
+    let Some(points) = compared_points(dataset) else {
         return Ok(AsTaken("photos track no points, so their exposures are unknown"));
-    }
+    };
     if count < MIN_PHOTOS {
         return Ok(AsTaken(
             "there are too few photos to leave some out (`exposure` on corrects them)",
@@ -80,7 +79,7 @@ pub(super) fn decide(
     }
     let mut small = Vec::with_capacity(count);
     let views: Vec<&View> = dataset.train().collect();
-    let solved = solve_exposures(dataset, |i| {
+    let solved = solve_exposures(dataset, &points, |i| {
         let photo = Arc::new(views[i].photo.decode()?);
         let camera = views[i].camera.fit_within(LONGER_PX);
         small.push(View {
@@ -88,7 +87,7 @@ pub(super) fn decide(
             photo: Photo::drawn(photo.downscaled(camera.size)),
             ..views[i].clone()
         });
-        Ok(photo.clone().shared_at(compared_size(photo.size)))
+        Ok(photo)
     })?;
     let Some(solved) = solved else { return Ok(AsTaken("there are too few photos to compare")) };
     let spread = solved.verdict(Strengths::NONE);

@@ -1,11 +1,11 @@
 //! Corrections of the photos' exposures, from the points that they track, before the first step.
 
 use super::options::TrainOptions;
-use glam::UVec2;
+use glam::{UVec2, Vec2};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use trisplat_dataset::exposure::{
-    ExposureDetails, Exposures, Light, Solved, Verdict, compared_points, compared_size, solve,
+    ExposureDetails, Exposures, Light, Solved, Verdict, compared_points, solve,
 };
 use trisplat_dataset::{Dataset, View};
 use trisplat_scene::{Result, image::RgbImage};
@@ -30,18 +30,16 @@ pub struct ExposureEstimates {
 /// Errors of `photo`.
 pub fn solve_exposures(
     dataset: &Dataset,
+    points: &[Vec<(u32, Vec2)>],
     mut photo: impl FnMut(usize) -> Result<Arc<RgbImage>>,
 ) -> Result<Option<Solved>> {
     let views: Vec<&View> = dataset.train().collect();
     if views.len() < MIN_PHOTOS || views.iter().any(|view| view.photo.is_cut()) {
         return Ok(None);
     }
-    let Some(points) = compared_points(dataset) else { return Ok(None) };
     let mut lights = Vec::with_capacity(views.len());
     for (i, points) in points.iter().enumerate() {
-        let photo = photo(i)?;
-        let size = compared_size(photo.size);
-        lights.push(Light::at_points(&photo.shared_at(size), points));
+        lights.push(Light::of_photo(&photo(i)?, points));
     }
     let sizes: Vec<UVec2> = views.iter().map(|view| view.camera.size).collect();
     Ok(Some(solve(&lights, &sizes)))
@@ -63,7 +61,10 @@ impl ExposureEstimates {
         if strengths.is_none() {
             return Ok(Self::default());
         }
-        let Some(solved) = solve_exposures(dataset, photo)? else { return Ok(Self::default()) };
+        let Some(points) = compared_points(dataset) else { return Ok(Self::default()) };
+        let Some(solved) = solve_exposures(dataset, &points, photo)? else {
+            return Ok(Self::default());
+        };
         let exposures = solved.corrections(strengths).unwrap_or_default();
         Ok(Self { exposures, verdict: Some(solved.verdict(strengths)) })
     }

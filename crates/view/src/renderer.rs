@@ -123,7 +123,7 @@ struct PipelineKey {
 
 /// Draws models.
 #[derive(Debug)]
-pub(crate) struct Renderer {
+pub(crate) struct AssetRenderer {
     shader: ShaderModule,
     frame: Buffer,
     frame_group: BindGroup,
@@ -133,7 +133,7 @@ pub(crate) struct Renderer {
     pipelines: HashMap<PipelineKey, RenderPipeline>,
 }
 
-impl Renderer {
+impl AssetRenderer {
     /// A renderer on `gpu`; all calls must pass the same `gpu`.
     pub(crate) fn new(gpu: &Gpu) -> Result<Self> {
         let source = ShaderSource::Wgsl(include_str!("pass_mesh.wgsl").into());
@@ -378,7 +378,7 @@ pub(crate) const FORMAT: TextureFormat = TextureFormat::Rgba8UnormSrgb;
 pub struct Headless {
     /// The card.
     pub gpu: Gpu,
-    renderer: Renderer,
+    renderer: AssetRenderer,
 }
 
 impl Headless {
@@ -389,7 +389,7 @@ impl Headless {
     /// No matching card.
     pub fn new(options: &AdapterOptions) -> Result<Self> {
         let gpu = Gpu::headless(options)?;
-        let renderer = Renderer::new(&gpu)?;
+        let renderer = AssetRenderer::new(&gpu)?;
         Ok(Self { gpu, renderer })
     }
 

@@ -1,8 +1,9 @@
 //! The light of photos: at points that they track, or in cells beside a drawing.
 
-use super::correction::Rings;
+use super::correction::{Rings, compared_size};
 use crate::posed::{Dataset, Point, View};
 use glam::Vec2;
+use std::sync::Arc;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::linear_of_srgb8;
 
@@ -29,6 +30,11 @@ pub struct Light {
 }
 
 impl Light {
+    /// Light of a photo at the points that it tracks, in the size for comparing photos.
+    pub fn of_photo(photo: &Arc<RgbImage>, points: &[(u32, Vec2)]) -> Vec<Self> {
+        Self::at_points(&photo.clone().shared_at(compared_size(photo.size)), points)
+    }
+
     /// The light of points, by their numbers and their places as shares of the width and height of
     /// `photo`. Masked, clipped and dark ones are left out.
     pub fn at_points(photo: &RgbImage, points: &[(u32, Vec2)]) -> Vec<Self> {

@@ -2,7 +2,7 @@
 
 use super::crop::CropEditor;
 use crate::model::Model;
-use crate::renderer::{Canvas, FrameParams, Renderer};
+use crate::renderer::{AssetRenderer, Canvas, FrameParams};
 use glam::{UVec2, Vec3};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -305,7 +305,7 @@ fn central_box(asset: &Asset) -> [Vec3; 2] {
 
 /// Draws the scene again, without the panel.
 pub(super) fn draw_screenshot(gpu: &Gpu, model: &Model, params: &FrameParams) -> Result<RgbImage> {
-    let mut renderer = Renderer::new(gpu)?;
+    let mut renderer = AssetRenderer::new(gpu)?;
     let canvas = Canvas::new(gpu, params.camera.size, params.msaa)?;
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     renderer.draw(gpu, &mut encoder, canvas.output(), model, params)?;

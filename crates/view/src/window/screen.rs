@@ -1,6 +1,6 @@
 //! The window's surface: pictures of the scene with the panel over them.
 
-use super::super::renderer::{Attachments, FrameOutput, Renderer, clear};
+use super::super::renderer::{AssetRenderer, Attachments, FrameOutput, clear};
 use super::panel;
 use super::scene::WindowOptions;
 use super::session::Session;
@@ -18,7 +18,7 @@ pub(super) struct Screen {
     pub(super) window: Arc<Window>,
     pub(super) gpu: Arc<Gpu>,
     pub(super) input: egui_winit::State,
-    renderer: Renderer,
+    renderer: AssetRenderer,
     surface: Surface<'static>,
     config: SurfaceConfiguration,
     attachments: Attachments,
@@ -70,7 +70,7 @@ impl Screen {
             config.format,
             egui_wgpu::RendererOptions::default(),
         );
-        let renderer = Renderer::new(&gpu)?;
+        let renderer = AssetRenderer::new(&gpu)?;
         Ok(Self {
             window,
             gpu,
