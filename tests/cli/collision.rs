@@ -100,7 +100,7 @@ fn mesh_writes_a_surface_and_refuses_what_bake_refuses() {
     refuses(&["mesh", "a.ply", "-o", "t.ply", "--voxel=-1"], &["--voxel is -1"]);
     let none =
         ["mesh", "a.ply", "-o", "t.ply", "--resolution", "8", "--min-component", "900000000"];
-    refuses(&none, &["the surface is empty", "--min-component"]);
+    refuses(&none, &["no surface was found", "--min-component"]);
     refuses(
         &["mesh", "a.ply", "-o", "t.ply", "--limit", "array_bytes=1000000"],
         &["the distance field"],

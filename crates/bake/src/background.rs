@@ -5,6 +5,8 @@
 //! result tells later stages to draw the object alone, so that fitting leaves no new ones.
 
 use super::teacher::{HAS_PHOTOS, soft_soup, viewpoints};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 use trisplat_dataset::Background as Color;
@@ -13,17 +15,7 @@ use trisplat_scene::{ImportedScene, Scene};
 use trisplat_teacher::ObjectBackground;
 
 /// Source of the background's colour.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    serde::Serialize,
-    serde::Deserialize,
-    schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "String", into = "String")]
 #[schemars(
     description = "auto, off, black, white or #rrggbb",
@@ -67,9 +59,7 @@ impl fmt::Display for BackgroundFrom {
 trisplat_scene::as_text!(BackgroundFrom);
 
 /// The background that the scene was trained on.
-#[derive(
-    Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BackgroundOptions {
     /// Colour that a soft scene was trained on; `auto` finds it at the borders of its own pictures
@@ -84,9 +74,7 @@ impl BackgroundOptions {
 }
 
 /// The background; empty where the scene fills its pictures.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BackgroundDetails {
     /// The scene is an object: nothing is to be drawn beside it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]

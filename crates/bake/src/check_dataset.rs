@@ -9,7 +9,7 @@ use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::metric;
 use trisplat_scene::mesh::Mesh;
 
-/// Photos compared.
+/// Number of compared photos.
 const VIEWS: usize = 8;
 /// Minimum excess of a drawing's correlation with its own photo over that with other photos. A soft
 /// scene just made solid may be far from its photos and still show the same shapes.
@@ -66,7 +66,8 @@ fn masked_to_faces(photo: &RgbImage, faces: &[u32]) -> RgbImage {
     RgbImage { alpha: Some(alphas.collect()), ..photo.clone() }
 }
 
-/// Excess of the drawings' correlation with their own photos over that with others of the same size.
+/// Excess of the drawings' correlation with their own photos over that with others of the same
+/// size.
 fn own_resemblance(pictures: &[RgbImage], photos: &[Arc<RgbImage>]) -> f64 {
     let mut own = (0.0, 0.0);
     let mut others = (0.0, 0.0);

@@ -5,19 +5,21 @@ mod cut;
 
 use super::order::{FaceOrder, faces_along_curve};
 pub(super) use cut::cut;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_scene::report::Outcome;
 use trisplat_scene::{Asset, Chunk, Error, Result, parallel};
 
-/// Maximum number of faces of a chunk: 65,535 vertices when no corner is shared, the most that 16-bit indices
-/// can address (65,535 itself restarts a primitive).
+/// Maximum number of faces of a chunk: 65,535 vertices when no corner is shared, the most that
+/// 16-bit indices can address (65,535 itself restarts a primitive).
 pub const MAX_CHUNK_TRIANGLES: u32 = 21_845;
 
 /// Options of cutting the scene into nodes.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ChunkOptions {
-    /// Maximum number of triangles in a chunk, at most 21845; each chunk is a mesh and node of its own, skipped
-    /// when out of view (0 = one chunk)
+    /// Maximum number of triangles in a chunk, at most 21845; each chunk is a mesh and node of its
+    /// own, skipped when out of view (0 = one chunk)
     #[schemars(range(max = 21_845))]
     pub chunk_triangles: u32,
 }
@@ -33,9 +35,7 @@ impl ChunkOptions {
 trisplat_scene::default!(ChunkOptions);
 
 /// The chunks of the scene.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ChunkDetails {
     /// Number of chunks.
     pub chunks: u64,

@@ -1,4 +1,4 @@
-//! Keeps a region of the scene: a box, a sphere, what cameras have in view, or the subject.
+//! Keeps a region of the scene: a box, a sphere, the view of cameras, or the subject.
 //!
 //! The stage comes first, so that a budget of triangles is spent on the region.
 
@@ -6,6 +6,8 @@ mod subject;
 mod volume;
 
 use glam::{DVec3, Vec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
@@ -15,9 +17,7 @@ use trisplat_scene::{Error, Region, Result, Scene, Soup, UpAxis};
 pub(crate) use volume::SubjectVolume;
 
 /// Region of the scene to keep.
-#[derive(
-    Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct CropOptions {
@@ -46,13 +46,11 @@ impl CropOptions {
 }
 
 /// Triangles dropped by cropping.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CropDetails {
     /// Triangles outside the region.
     pub outside: u64,
-    /// Triangles of the subject, or of what it stands on, that ended beyond the region and were cut
+    /// Triangles of the subject, or of its support, that ended beyond the region and were cut
     /// there.
     pub cut: u64,
     /// Radius of the subject, as a share of the median distance of the cameras from it; absent
@@ -111,8 +109,8 @@ fn keep_parts(soup: &mut Soup, keep: &[bool], volume: &SubjectVolume) -> u64 {
     cut
 }
 
-/// True for triangles of `scene` in the region, at least one; and the volume of the subject, if it is
-/// kept.
+/// True for triangles of `scene` in the region, at least one; and the volume of the subject, if it
+/// is kept.
 ///
 /// # Errors
 ///

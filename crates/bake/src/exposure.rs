@@ -3,6 +3,8 @@
 //! exposures.
 
 use super::views::Views;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_dataset::exposure::{
     ExposureDetails, ExposureUse, Exposures, Light, Strengths, solve,
 };
@@ -10,9 +12,7 @@ use trisplat_scene::Result;
 use trisplat_scene::report::Outcome;
 
 /// Correction of the photos.
-#[derive(
-    Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExposureOptions {
     /// Correct photos that differ in exposure and white balance, or are darker in their

@@ -5,7 +5,7 @@
 //! → texture → lit → weld → place → viewpoint → chunk → order → lod → tiles
 //! ```
 //!
-//! Each stage is a file with its options, its function and what it measures ([`StageDetails`]); it
+//! Each stage is a file with its options, its function and its measurements ([`StageDetails`]); it
 //! changes its input or says why there was nothing to do. The recipe calls the stages and explains
 //! their order; no stage depends on the recipe. [`bake()`] is the plain case, [`Bake`] takes photos
 //! and writes a report.

@@ -6,6 +6,8 @@
 //! pixels. The cameras decide which side is the front.
 
 use glam::{IVec3, Vec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::Result;
@@ -16,9 +18,7 @@ use trisplat_scene::report::Outcome;
 use trisplat_surface::SurfaceOptions;
 
 /// Options of normals and a lit material.
-#[derive(
-    Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct LitOptions {
@@ -36,17 +36,7 @@ impl LitOptions {
 }
 
 /// Normals of the triangles.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    serde::Serialize,
-    serde::Deserialize,
-    schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Lit {
@@ -60,9 +50,7 @@ pub enum Lit {
 }
 
 /// Sources of the normals.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LitDetails {
     /// Number of cameras that decided the fronts of faces.
     pub cameras: u64,
@@ -82,9 +70,9 @@ trisplat_scene::stage!(LitDetails, "lit");
 /// Maximum number of cameras that decide the fronts of faces.
 const MAX_CAMERAS: usize = 100;
 /// Longer side of the pictures that show which faces are visible, px.
-const SIDE: u32 = 320;
+const PICTURE_SIDE: u32 = 320;
 /// Side of a cell whose triangles share normals, in sides of the median triangle.
-const CELL: f64 = 4.0;
+const CELL_SIDES: f64 = 4.0;
 /// Options of the surface for smooth normals: coarse, because lights show every wave of a fine one.
 pub(super) const SURFACE: SurfaceOptions =
     SurfaceOptions { resolution: Some(128), ..SurfaceOptions::DEFAULT };
@@ -152,7 +140,7 @@ fn face_fronts(mesh: &Mesh, cameras: &[&Camera]) -> Vec<FaceFront> {
     let mut solid = SolidRasterizer::new();
     let drawing = SolidRasterOptions { samples: 1, ..SolidRasterOptions::default() };
     for camera in cameras {
-        let camera = camera.fit_within(SIDE);
+        let camera = camera.fit_within(PICTURE_SIDE);
         let eye = camera.position();
         let visibility = solid.visibility(mesh, &camera, &drawing);
         for &face in visibility.face.iter().filter(|face| **face != NO_FACE) {
@@ -204,7 +192,7 @@ struct SurfaceNormals {
 
 impl SurfaceNormals {
     fn of(surface: &Mesh) -> Self {
-        let side = (CELL * surface.detail()).max(f64::from(f32::MIN_POSITIVE)) as f32;
+        let side = (CELL_SIDES * surface.detail()).max(f64::from(f32::MIN_POSITIVE)) as f32;
         let mut sums = vec![Vec3::ZERO; surface.vertex_count()];
         for face in 0..surface.face_count() {
             let normal = surface.flat_normal(face) * surface.area(face) as f32;
@@ -250,7 +238,7 @@ struct NormalCells {
 
 impl NormalCells {
     fn of(mesh: &Mesh, seen: &[FaceFront]) -> Self {
-        let side = (CELL * mesh.detail()).max(f64::from(f32::MIN_POSITIVE)) as f32;
+        let side = (CELL_SIDES * mesh.detail()).max(f64::from(f32::MIN_POSITIVE)) as f32;
         let mut sums: HashMap<IVec3, [Vec3; 6]> = HashMap::new();
         for (face, seen) in seen.iter().enumerate() {
             let cell = sums.entry((mesh.centroid(face) / side).floor().as_ivec3()).or_default();

@@ -9,6 +9,8 @@
 use super::decimate::{self, Decimation};
 use super::views::SAMPLES;
 use crate::unseen::visible_px;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Outcome, StageProgress};
@@ -18,9 +20,7 @@ use trisplat_scene::{Asset, Error, Result};
 const MAX_LEVELS: usize = 8;
 
 /// Levels to make.
-#[derive(
-    Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct LodOptions {
@@ -60,9 +60,7 @@ impl LodOptions {
 }
 
 /// The levels, finest first.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LodDetails {
     /// Ranking of the triangles.
     pub ordered_by: LodRanking,
@@ -73,17 +71,7 @@ pub struct LodDetails {
 trisplat_scene::stage!(LodDetails, "lod");
 
 /// Ranking of the triangles of levels.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    Default,
-    PartialEq,
-    Eq,
-    serde::Serialize,
-    serde::Deserialize,
-    schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum LodRanking {
     /// By opacity times area: there were no cameras.
@@ -94,9 +82,9 @@ pub enum LodRanking {
 }
 
 /// One level.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LevelDetails {
-    /// Share of the triangles, as asked for.
+    /// Requested share of the triangles.
     pub share: f64,
     /// Triangles, without those of a backdrop.
     pub triangles: u64,

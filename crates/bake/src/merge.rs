@@ -2,7 +2,7 @@
 //!
 //! Inputs that lie far from the origin of their world have origins of their own (`formats::far`);
 //! they are moved to one of these first. Soups make a soup and meshes a mesh. The recipe makes a
-//! soup solid before it joins a mesh. Colours beside textures become a texture, too.
+//! soup solid before it joins a mesh. With textures among the inputs, colours become textures too.
 
 use crate::texture::texture_all;
 use glam::{DVec3, Vec3};
@@ -116,9 +116,9 @@ fn merge_provenance(a: Provenance, b: Provenance) -> Result<Provenance> {
 
 // ---- One origin for all inputs of a bake --------------------------------------------------------
 
-/// At greater distances between inputs, in units of the world, f32 rounds positions by more than a
-/// thousandth of a unit.
-const APART: f64 = 16_384.0;
+/// Maximum offset between inputs, in units of the world: beyond it, f32 rounds positions by more
+/// than a thousandth of a unit.
+const MAX_OFFSET: f64 = 16_384.0;
 
 /// Moves inputs to the origin of the first one that is far from that of its world, or of the first
 /// soup. An input without a known place in that world keeps its coordinates; a warning names it.
@@ -149,7 +149,7 @@ pub(super) fn share_origin(inputs: &mut [ImportedScene]) {
                 "input {number} is put where it is in the world of the others: its origin is {x} {y} {z} from theirs"
             );
             loaded.warnings.push(text);
-            if apart.abs().max_element() > APART {
+            if apart.abs().max_element() > MAX_OFFSET {
                 let rounded = apart.abs().max_element() * f64::from(f32::EPSILON) / 2.0;
                 let text = format!(
                     "input {number} is so far from the others that its positions are rounded by up to {rounded:.1e}; bake it by itself"
@@ -168,8 +168,8 @@ pub(super) fn share_origin(inputs: &mut [ImportedScene]) {
     }
 }
 
-/// True if a reader gave the file an origin of its own, because it is far from that of its world, or
-/// a bake kept such an origin.
+/// True if a reader gave the file an origin of its own, because it is far from that of its world,
+/// or a bake kept such an origin.
 fn is_georeferenced(placement: &Placement) -> bool {
     is_far(DVec3::from(placement.center))
 }
@@ -181,8 +181,8 @@ fn is_moved_soup(loaded: &ImportedScene) -> bool {
         && Placement { up, rotate, scale, center: [0.0; 3] } == Placement::IDENTITY
 }
 
-/// True if an input that was never moved is nearer to the origin of a frame than to that of the world:
-/// it is then a single-precision file of the same place.
+/// True if an input that was never moved is nearer to the origin of a frame than to that of the
+/// world: it is then a single-precision file of the same place.
 fn is_near_origin(loaded: &ImportedScene, frame: &Placement) -> bool {
     let triangles = loaded.scene.triangle_count();
     let corner = |i: usize| loaded.scene.corners(i)[0];

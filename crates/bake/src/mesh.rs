@@ -95,16 +95,7 @@ pub fn mesh(
     }
     let cameras = views.as_deref().map_or(&[][..], Views::cameras);
     let scene_cameras = if cameras.is_empty() { scene.cameras.clone() } else { cameras.to_vec() };
-    // A surface that shows photos gets their background, too; a cropped part gets none.
-    let backdrop =
-        if options.texture.is_wanted() && !options.surface.shell && !options.crop.is_cropped() {
-            take_behind(&mut scene, &scene_cameras)?
-        } else {
-            Mesh::default()
-        };
-    if !options.surface.shell {
-        scene.take_backdrop();
-    }
+    let backdrop = take_surroundings(&mut scene, &scene_cameras, options)?;
     // The subject is cut from the surface: a scene that is cut first has pictures that are torn
     // along its triangles.
     let whole = options.crop.is_subject().then(|| scene.clone());
@@ -117,36 +108,22 @@ pub fn mesh(
     let bounds = || scene.scene.bounds(scene.scene.triangle_count());
     let part = is_kept.as_ref().and_then(|is_kept| Some(Part { bounds: bounds()?, keep: is_kept }));
     let scene = whole.unwrap_or(scene);
-    let max_triangles = options.surface.max_triangles;
-    let surface_options = SurfaceOptions {
-        max_triangles: max_triangles
-            .map(|most| most - (backdrop.face_count() as u32).min(most / 2)),
-        ..options.surface.clone()
-    };
-
-    let (surface_mesh, _) = report.long_stage(
+    let surface_options = beside_backdrop(&options.surface, backdrop.face_count());
+    let (mut surface_mesh, _) = report.long_stage(
         observer,
         Mesh::default(),
         // First the scene for the surface.
         |mesh| if mesh.face_count() == 0 { scene.scene.counts() } else { Mesh::counts(mesh) },
         |mesh, details: &mut SurfaceDetails, progress| {
             let part = part.as_ref();
-            let surface_mesh = surface_of_part(
-                &scene,
-                cameras,
-                part,
-                &surface_options,
-                limits,
-                details,
-                progress,
-            )?;
-            *mesh = surface_mesh.ok_or_else(nothing)?;
+            let options = &surface_options;
+            let found = surface_of_part(&scene, cameras, part, options, limits, details, progress)?;
+            *mesh = found.ok_or(Error::EmptySurface)?;
             Ok(Outcome::Changed(()))
         },
     )?;
 
-    let mut surface_mesh = surface_mesh;
-    let backdrop_faces = backdrop.face_count();
+    let backdrop_faces = backdrop.face_count() as u32;
     surface_mesh.append(backdrop)?;
     let (surface_mesh, texture_details) =
         report.long_stage(observer, surface_mesh, Mesh::counts, |mesh, details, progress| {
@@ -154,29 +131,62 @@ pub fn mesh(
         })?;
     report.warnings.extend(texture_details.warning());
 
-    let mut provenance = Provenance { backdrop_faces: backdrop_faces as u32, ..scene.provenance };
+    let provenance = Provenance { backdrop_faces, ..scene.provenance };
     let points = views.as_deref().map_or(&[][..], Views::points);
+    let evidence = Evidence { cameras: &scene_cameras, points };
+    package(surface_mesh, provenance, evidence, options, report, observer)
+}
+
+/// Options of a surface beside a backdrop, which takes at most half of its limit of triangles.
+fn beside_backdrop(options: &SurfaceOptions, backdrop_faces: usize) -> SurfaceOptions {
+    let rest = |total: u32| total - (backdrop_faces as u32).min(total / 2);
+    SurfaceOptions { max_triangles: options.max_triangles.map(rest), ..options.clone() }
+}
+
+/// The surface in the frame of its file. `evidence` is in the frame of the scene.
+fn package(
+    mesh: Mesh,
+    mut provenance: Provenance,
+    evidence: Evidence<'_>,
+    options: &MeshOptions,
+    report: &mut Report,
+    observer: StageObserver<'_>,
+) -> Result<Asset> {
+    let is_subject = options.crop.is_subject();
+    let options = &options.place;
     let mut placement = Placement::IDENTITY;
-    let (surface_mesh, place_details) =
-        report.stage(observer, surface_mesh, Mesh::counts, |mesh, details| {
-            let evidence = Evidence { cameras: &scene_cameras, points };
-            let is_subject = options.crop.is_subject();
-            let options = &options.place;
-            placement = placement_of(is_subject, mesh, &provenance, evidence, options, details);
-            place(mesh, &mut provenance, placement, details)
-        })?;
+    let (mesh, place_details) = report.stage(observer, mesh, Mesh::counts, |mesh, details| {
+        placement = placement_of(is_subject, mesh, &provenance, evidence, options, details);
+        place(mesh, &mut provenance, placement, details)
+    })?;
     report.warnings.extend(place_details.warning());
     provenance.generator = Some(generator());
-    let cameras =
-        scene_cameras.iter().map(|camera| frames::to_file(camera, &placement, DVec3::ZERO));
+    let cameras = evidence.cameras.iter();
+    let cameras = cameras.map(|camera| frames::to_file(camera, &placement, DVec3::ZERO));
     let cameras: Vec<Camera> = cameras.collect();
-    let mut asset = Asset { provenance, ..Asset::from(surface_mesh) };
+    let mut asset = Asset { provenance, ..Asset::from(mesh) };
     asset.chunks = scene_and_backdrop(&asset);
     by_material(&mut asset);
     let (asset, _) = report.stage(observer, asset, Asset::counts, |asset, details| {
         Ok(viewpoint(asset, &cameras, details))
     })?;
     Ok(asset)
+}
+
+/// Takes the surroundings out of the scene, if they are no part of the surface. A surface that
+/// shows photos gets their background, too; a cropped part gets none.
+fn take_surroundings(
+    scene: &mut ImportedScene,
+    cameras: &[Camera],
+    options: &MeshOptions,
+) -> Result<Mesh> {
+    if options.surface.shell {
+        return Ok(Mesh::default());
+    }
+    let is_wanted = options.texture.is_wanted() && !options.crop.is_cropped();
+    let backdrop = if is_wanted { take_behind(scene, cameras)? } else { Mesh::default() };
+    scene.take_backdrop();
+    Ok(backdrop)
 }
 
 /// No chunk holds faces of both a scene and its backdrop.
@@ -187,7 +197,7 @@ fn scene_and_backdrop(asset: &Asset) -> Vec<Chunk> {
     both.into_iter().filter(|chunk| chunk.count > 0).collect()
 }
 
-/// The region of the scene that is kept, and the space of its subject, if that is asked for.
+/// The region of the scene to keep, and the volume of its subject, if only that is kept.
 fn cropped(
     scene: ImportedScene,
     cameras: &[Camera],
@@ -203,11 +213,6 @@ fn cropped(
         Ok(outcome)
     })?;
     Ok((scene, volume))
-}
-
-fn nothing() -> Error {
-    let wants = "a scene that cameras see, a data set whose photos show it, or less of `min_component` and `min_views`";
-    Error::invalid("the surface", "empty", wants)
 }
 
 /// Takes the shell or backdrop, which must look like its photos, out of the scene. Empty when there

@@ -188,7 +188,7 @@ impl BakeOptions {
         self
     }
 
-    /// With at most this many triangles, those that add most to the picture.
+    /// With at most this many triangles, the ones that add most to the picture.
     pub fn max_triangles(mut self, count: u64) -> Self {
         self.prune.max_triangles = Some(count);
         self

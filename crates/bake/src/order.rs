@@ -2,6 +2,8 @@
 //! keeps an engine's caches warm.
 
 use glam::{DVec3, Vec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_scene::math::geometry::along_curve;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
@@ -9,9 +11,7 @@ use trisplat_scene::report::Outcome;
 use trisplat_scene::{Asset, Chunk, Result, Scene};
 
 /// The order of faces within a chunk.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum FaceOrder {
     /// Along a space-filling curve
@@ -21,7 +21,7 @@ pub enum FaceOrder {
 }
 
 /// The order of faces.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OrderOptions {
     /// Order of the triangles within a chunk
@@ -38,9 +38,7 @@ impl OrderOptions {
 trisplat_scene::default!(OrderOptions);
 
 /// Effect of ordering.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OrderDetails {
     /// Faces that changed their place in the file.
     pub moved: u64,
@@ -80,13 +78,11 @@ pub(super) fn faces_along_curve(mesh: &Mesh, faces: &[u32]) -> Vec<u32> {
 
 // ---- Triangles that are near in space become near in memory -------------------------------------
 
-/// Scenes with fewer triangles are left unchanged: the caches of a CPU hold them in any order.
-const FEWEST: usize = 16_384;
+/// Minimum number of triangles to arrange: the caches of a CPU hold them in any order.
+const MIN_ARRANGED: usize = 16_384;
 
 /// Effect of arranging.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ArrangeDetails {
     /// Triangles that changed their place.
     pub moved: u64,
@@ -108,7 +104,7 @@ pub(crate) fn arrange(
     if order == FaceOrder::None {
         return Outcome::Skipped("the order of the input is kept");
     }
-    if scene.triangle_count() < FEWEST {
+    if scene.triangle_count() < MIN_ARRANGED {
         return Outcome::Skipped("there are few triangles");
     }
     let centroid = |i: usize| scene.corners(i).map(Vec3::as_dvec3).into_iter().sum::<DVec3>() / 3.0;
@@ -153,7 +149,7 @@ mod tests {
 
     #[test]
     fn near_triangles_are_near_and_keep_all_they_have() {
-        let before = soup(FEWEST);
+        let before = soup(MIN_ARRANGED);
         let mut scene = Scene::Soup(before.clone());
         let mut details = ArrangeDetails::default();
         let outcome = arrange(&mut scene, true, FaceOrder::Spatial, &mut details);
@@ -177,8 +173,8 @@ mod tests {
                 Outcome::Changed(()) => "changed",
             }
         };
-        assert_eq!(why(FEWEST, false, FaceOrder::Spatial), "no stage draws the scene");
-        assert_eq!(why(FEWEST, true, FaceOrder::None), "the order of the input is kept");
-        assert_eq!(why(FEWEST - 1, true, FaceOrder::Spatial), "there are few triangles");
+        assert_eq!(why(MIN_ARRANGED, false, FaceOrder::Spatial), "no stage draws the scene");
+        assert_eq!(why(MIN_ARRANGED, true, FaceOrder::None), "the order of the input is kept");
+        assert_eq!(why(MIN_ARRANGED - 1, true, FaceOrder::Spatial), "there are few triangles");
     }
 }

@@ -123,11 +123,11 @@ impl PlaceDetails {
     }
 }
 
-/// The placement by `options`; `known` is in the frame of `mesh`.
+/// The placement by `options`; `evidence` is in the frame of `mesh`.
 pub fn placement(
     mesh: &Mesh,
     provenance: &Provenance,
-    known: Evidence,
+    evidence: Evidence,
     options: &PlaceOptions,
     details: &mut PlaceDetails,
 ) -> Placement {
@@ -137,7 +137,7 @@ pub fn placement(
         // glTF is Y-up, and so are files of an earlier bake.
         (UpChoice::Auto, Some(UpAxis::Y)) => UpAxis::Y.into(),
         (UpChoice::Auto, said) => {
-            details.estimate = up::estimate(scene, known);
+            details.estimate = up::estimate(scene, evidence);
             let usable = details.estimate.as_ref().filter(|e| e.confidence != Confidence::None);
             usable.map_or(said.unwrap_or_default().into(), |e| {
                 UpDirection::near(DVec3::from(e.direction))
@@ -149,7 +149,7 @@ pub fn placement(
     let mut center = middle.unwrap_or_default().as_dvec3();
     if options.ground {
         let axis = up.vector();
-        details.ground = ground::ground(scene, known.cameras, axis);
+        details.ground = ground::ground(scene, evidence.cameras, axis);
         center += axis * (details.ground.unwrap_or(0.0) - center.dot(axis));
     }
     let scale = options.scale_by.map_or(options.scale, |length| length.scale());
@@ -201,26 +201,26 @@ pub fn place(
 
 /// The placement by `options`. The origin of a `subject` is under the middle of its bounds, at the
 /// height that it stands on. Unless `options` turn it, the side of the first viewpoint faces +Z,
-/// the front of glTF. `known` is in the frame of `mesh`.
+/// the front of glTF. `evidence` is in the frame of `mesh`.
 pub(crate) fn placement_of(
     subject: bool,
     mesh: &Mesh,
     provenance: &Provenance,
-    known: Evidence,
+    evidence: Evidence,
     options: &PlaceOptions,
     details: &mut PlaceDetails,
 ) -> Placement {
     if !subject {
-        return placement(mesh, provenance, known, options, details);
+        return placement(mesh, provenance, evidence, options, details);
     }
     let grounded = PlaceOptions { ground: true, ..options.clone() };
-    let placement = placement(mesh, provenance, known, &grounded, details);
+    let placement = placement(mesh, provenance, evidence, &grounded, details);
     let scene = Foreground::new(mesh, provenance.backdrop_faces);
     details.ground = ground::under(scene, details.ground, placement.up.vector());
     let Some(floor) = details.ground else { return placement };
     let placement = standing(scene, placement, floor);
     // Whoever turns it chooses where it faces.
-    let turn = if options.rotate == 0.0 { front(mesh, &placement, known.cameras) } else { None };
+    let turn = if options.rotate == 0.0 { front(mesh, &placement, evidence.cameras) } else { None };
     turn.map_or(placement, |rotate| standing(scene, Placement { rotate, ..placement }, floor))
 }
 

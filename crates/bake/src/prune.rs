@@ -1,9 +1,11 @@
 //! Removes the triangles that an engine cannot draw or that cannot be seen.
 //!
-//! The stage comes first because every later stage costs per triangle. Geometry after it is finite and
-//! within ±[`REACH`], as the hierarchy and engines' culling require.
+//! The stage comes first because every later stage costs per triangle. Geometry after it is finite
+//! and within ±[`REACH`], as the hierarchy and engines' culling require.
 
 use glam::Vec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
@@ -17,14 +19,14 @@ pub const REACH: f32 = 1e15;
 
 /// If the median triangle is nearer than this share of the reach, triangles out of reach are
 /// strays, not the scene.
-const STRAYS: f32 = 1e-3;
+const MAX_SCENE_SHARE: f32 = 1e-3;
 
 /// A triangle with at most this ratio of height to longest edge is a line: the ratio is the
 /// rounding error of that edge.
-const FLAT: f64 = f32::EPSILON as f64;
+const MAX_FLATNESS: f64 = f32::EPSILON as f64;
 
 /// Limits below or beyond which triangles are dropped.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct PruneOptions {
@@ -62,9 +64,7 @@ impl PruneOptions {
 trisplat_scene::default!(PruneOptions);
 
 /// Triangles dropped, by cause.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PruneDetails {
     /// Triangles with a number that is NaN or infinite.
     pub non_finite: u64,
@@ -131,7 +131,7 @@ fn check_scale(
     let reaches: Vec<f32> = finite.map(|i| reach(&corners(i))).collect();
     let farthest = reaches.iter().copied().fold(0.0, f32::max);
     let typical = median(reaches, f32::total_cmp).unwrap_or(0.0);
-    if typical < STRAYS * REACH {
+    if typical < MAX_SCENE_SHARE * REACH {
         return Ok(());
     }
     let what =
@@ -270,7 +270,7 @@ fn is_degenerate_f64(corners: &[Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(|v| v.as_dvec3());
     let longest2 =
         (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
-    !((b - a).cross(c - a).length_squared() > (FLAT * longest2).powi(2))
+    !((b - a).cross(c - a).length_squared() > (MAX_FLATNESS * longest2).powi(2))
 }
 
 /// Keeps the `max_triangles` faces that add most to the picture; ties go to the earlier face.
@@ -306,7 +306,7 @@ fn contribution(face: &Face) -> f64 {
         / ((sigma + 1.0) * (sigma + 2.0))
 }
 
-/// Names the rule that dropped most and what to do about it.
+/// Names the rule that dropped most, and its remedy.
 fn nothing_left(options: &PruneOptions, counts: &PruneDetails, total: usize) -> Error {
     if total == 0 {
         return Error::invalid("the scene", "empty", "at least one triangle");

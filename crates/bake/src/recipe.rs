@@ -76,9 +76,9 @@ impl<'a> Recipe<'a> {
         let (scene, own_cameras) = self.own_cameras(scene, input_backdrop.as_ref(), &pictures);
         let input_backdrop =
             self.simplify_input_backdrop(input_backdrop, &scene.scene, &own_cameras)?;
-        let behind = input_backdrop.as_ref();
-        self.budget = self.budget.with_input_backdrop(self.counted_triangles(behind));
-        pictures.drawn = self.teacher(&scene, behind, &background, &pictures, &own_cameras)?;
+        let backdrop = input_backdrop.as_ref();
+        self.budget = self.budget.with_input_backdrop(self.counted_triangles(backdrop));
+        pictures.drawn = self.teacher(&scene, backdrop, &background, &pictures, &own_cameras)?;
         let mut scene = self.arrange(scene, &pictures)?;
         let traits = self.traits(&scene, &pictures);
         let collision = self.collision(&scene, &pictures)?;
@@ -88,7 +88,7 @@ impl<'a> Recipe<'a> {
 
         // Solid and visible triangles, fitted to the pictures.
         let (mesh, mut provenance) = self.solid_mesh(scene, &cameras.visibility)?;
-        let mesh = self.unseen(mesh, behind, pictures.any(), &cameras, traits.is_soft)?;
+        let mesh = self.unseen(mesh, backdrop, pictures.any(), &cameras, traits.is_soft)?;
         let mesh = self.fit(mesh, provenance.exposure, &mut pictures, traits, &cameras.photos)?;
 
         // Surroundings, outside the levels of detail.

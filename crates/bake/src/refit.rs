@@ -30,6 +30,8 @@
 use crate::views::Views;
 use equations::ColorFit;
 use photo_equations::Accumulator;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 pub(super) use shell_colors::smooth_shell;
 use trisplat_scene::Result;
 use trisplat_scene::math::lists::median;
@@ -54,9 +56,7 @@ const OUTLIER_SPREADS: f32 = 6.0;
 
 /// The result of fitting. Without held-out photos, or when `refit` names the colours, there is no
 /// PSNR.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RefitDetails {
     /// PSNR of the colours the scene came with on held-out photos, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -128,13 +128,13 @@ pub struct UnseenColors {
 }
 
 impl UnseenColors {
-    /// The colours of `mesh` for its faces from `behind` on.
-    fn with_backdrop(self, mesh: &Mesh, behind: usize) -> Self {
-        if behind == mesh.face_count() {
+    /// The colours of `mesh` for its faces from `scene_faces` on.
+    fn with_backdrop(self, mesh: &Mesh, scene_faces: usize) -> Self {
+        if scene_faces == mesh.face_count() {
             return self;
         }
         let corners = |face: usize| match &self.colors {
-            _ if face >= behind => mesh.corner_colors(face),
+            _ if face >= scene_faces => mesh.corner_colors(face),
             Colors::Face(colors) => [colors[face]; 3],
             Colors::Vertex(colors) => [0, 1, 2].map(|corner| colors[3 * face + corner]),
         };
@@ -142,15 +142,15 @@ impl UnseenColors {
     }
 }
 
-/// Fits the colours of `mesh`, whose faces from `behind` on are its backdrop, to `views`; `details`
-/// get the PSNR on held-out photos.
+/// Fits the colours of `mesh`, whose faces from `scene_faces` on are its backdrop, to `views`;
+/// `details` get the PSNR on held-out photos.
 ///
 /// # Errors
 ///
 /// An option out of range, a photo that cannot be decoded.
 pub fn refit(
     mesh: &mut Mesh,
-    behind: usize,
+    scene_faces: usize,
     views: Option<&mut Views>,
     options: &RefitOptions,
     details: &mut RefitDetails,
@@ -173,17 +173,17 @@ pub fn refit(
         first_pass(mesh, views, options.refit, &mut accumulator, details, &mut first)?;
     let Some(which) = which else {
         // The note is about the scene's own colours, which were trained.
-        let revived = accumulator.fit.revive(mesh, behind);
-        shell_colors::paint(mesh, behind, &accumulator.fit);
+        let revived = accumulator.fit.revive(mesh, scene_faces);
+        shell_colors::paint(mesh, scene_faces, &accumulator.fit);
         details.revived = (revived > 0).then_some(revived);
-        let outcome = if behind < mesh.face_count() || revived > 0 {
+        let outcome = if scene_faces < mesh.face_count() || revived > 0 {
             Outcome::Changed(())
         } else {
             Outcome::Skipped("held-out photos match the present colours better")
         };
         return Ok(Refitted {
             outcome,
-            unseen: unseen.map(|unseen| unseen.with_backdrop(mesh, behind)),
+            unseen: unseen.map(|unseen| unseen.with_backdrop(mesh, scene_faces)),
         });
     };
     let outliers = outliers(&accumulator.errors);
@@ -201,9 +201,9 @@ pub fn refit(
         accumulator.add(mesh, views, &used, 1.0, progress)?;
     }
     mesh.colors = accumulator.fit.colors(which);
-    shell_colors::paint(mesh, behind, &accumulator.fit);
+    shell_colors::paint(mesh, scene_faces, &accumulator.fit);
     details.colors = Some(which);
-    let unseen = unseen.map(|unseen| unseen.with_backdrop(mesh, behind));
+    let unseen = unseen.map(|unseen| unseen.with_backdrop(mesh, scene_faces));
     Ok(Refitted { outcome: Outcome::Changed(()), unseen })
 }
 

@@ -26,6 +26,8 @@ mod round;
 use super::views::Views;
 use reshaped::ReshapedFaces;
 use round::{RoundEffort, Rounds};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::report::{Outcome, StageProgress};
@@ -37,9 +39,7 @@ const EVALUATION_VIEWS: usize = 12;
 const MAX_CUT_SHARE: f64 = 0.2;
 
 /// When triangles are fitted to pictures.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ReshapeWhen {
     /// When the scene is soft
@@ -51,7 +51,7 @@ pub enum ReshapeWhen {
 }
 
 /// Options of fitting triangles to pictures.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ReshapeOptions {
     /// When triangles are removed, moved and cut to match the soft scene or the photos
@@ -78,9 +78,7 @@ impl ReshapeOptions {
 trisplat_scene::default!(ReshapeOptions);
 
 /// The result of fitting; empty when nothing was fitted.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ReshapeDetails {
     /// Rounds made.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -1,10 +1,12 @@
-//! The sides of triangles: what photos show from one side is drawn from that side only.
+//! The sides of triangles: those that photos show from one side are drawn from that side only.
 //!
 //! Training never compared the other side with a photo. Drawn from there, such triangles are shards
 //! before what photos do show, and walls that hide a room from outside. Triangles that no photo
 //! shows keep both sides, because nothing says which is seen.
 
 use crate::views;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::Result;
 use trisplat_scene::camera::Camera;
@@ -12,9 +14,7 @@ use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Outcome, StageProgress};
 
 /// From which sides triangles are drawn.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Sides {
     /// From the side that nearly all pixels of photos show, where one is; else from both
@@ -24,7 +24,7 @@ pub enum Sides {
 }
 
 /// From which sides triangles are drawn.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SidesOptions {
     /// From which sides triangles are drawn
@@ -41,9 +41,7 @@ impl SidesOptions {
 trisplat_scene::default!(SidesOptions);
 
 /// Sides of triangles that cameras see.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SidesDetails {
     /// Triangles that are drawn from one side from now on.
     pub single_sided: u64,

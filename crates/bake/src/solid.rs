@@ -5,6 +5,8 @@
 
 use crate::prune::is_degenerate;
 use glam::Vec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::report::Outcome;
@@ -15,9 +17,7 @@ use trisplat_scene::{Error, Result, Soup, parallel, rgb_from_sh0};
 pub const SOLID_SIGMA: f32 = 1e-4;
 
 /// Size of the solid triangle that replaces a soft one.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Solidify {
     /// The larger of `contour` and `area`: hard triangles keep their outline, faint ones their
@@ -32,7 +32,7 @@ pub enum Solidify {
 }
 
 /// Options of the conversion of soft triangles to solid ones.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SolidOptions {
     /// Size of the solid triangle that replaces a soft one
@@ -50,9 +50,7 @@ impl SolidOptions {
 trisplat_scene::default!(SolidOptions);
 
 /// Effect of shrinking.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SolidDetails {
     /// Triangles dropped because opacity times window nowhere reaches `contour`.
     pub no_contour: u64,
@@ -242,9 +240,7 @@ fn area(v: &[Vec3; 3]) -> f64 {
 // ---- Spherical harmonics of degree 0 become linear face colours ---------------------------------
 
 /// Values clamped by the conversion.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ColorDetails {
     /// Colour channels, three per triangle, that were clamped to [0, 1].
     pub clamped_channels: u64,

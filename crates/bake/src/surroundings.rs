@@ -1,4 +1,4 @@
-//! Surroundings of a scene: what is behind it in its photos.
+//! Surroundings of a scene: the background of its photos, behind its triangles.
 //!
 //! They come from the scene itself (`shell`), from its input, from photos (`backdrop`), or are a
 //! picture in place of triangles (`sky`). They stay apart from the scene until colours are fitted.
@@ -23,7 +23,7 @@ use trisplat_scene::mesh::Mesh;
 pub(crate) struct Surroundings {
     /// Triangles, their fronts inside.
     pub mesh: Option<Mesh>,
-    /// The panorama in place of the triangles, if one is asked for.
+    /// The panorama in place of the triangles, if one is requested.
     pub sky: Sky,
 }
 

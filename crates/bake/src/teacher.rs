@@ -9,6 +9,8 @@ use super::solid::{SolidOptions, area_factor, solid};
 use super::views::{SAMPLES, Views, drawing};
 use crate::solid::color;
 use glam::UVec2;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_formats::info::Softness;
 use trisplat_raster::soft::SoftOptions;
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
@@ -37,9 +39,7 @@ const MIN_COVERED: f64 = 0.001;
 const SOLID_COVER: f64 = 0.95;
 
 /// Condition for pictures of the soft scene.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum TeacherWhen {
@@ -50,7 +50,7 @@ pub enum TeacherWhen {
 }
 
 /// Options of pictures that replace photos.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct TeacherOptions {
@@ -78,9 +78,7 @@ impl TeacherOptions {
 trisplat_scene::default!(TeacherOptions);
 
 /// The drawn pictures, and the softness of the scene; empty when it is solid.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TeacherDetails {
     /// Similarity to the soft pictures when each triangle is just made solid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -178,16 +176,16 @@ pub(super) fn stored_cameras(scene: &ImportedScene) -> Vec<Camera> {
     viewpoints(scene).map_or(Vec::new(), |viewpoints| viewpoints.cameras)
 }
 
-/// The pictures of a solid `scene` and of what is `behind` it, from `cameras`: what fewer triangles
-/// are to look like. `None` without cameras, and of a mesh whose triangles are connected or
-/// textured, which keeps its colours.
+/// The pictures of a solid `scene` and of its `backdrop` from `cameras`: the look that fewer
+/// triangles are to look like. `None` without cameras, and of a mesh whose triangles are connected
+/// or textured, which keeps its colours.
 ///
 /// # Errors
 ///
 /// More vertices than 32 bits count.
 pub(super) fn solid_views(
     scene: &Scene,
-    behind: Option<&Mesh>,
+    backdrop: Option<&Mesh>,
     cameras: &[Camera],
 ) -> Result<Option<Views>> {
     let Scene::Mesh(mesh) = scene else { return Ok(None) };
@@ -195,7 +193,9 @@ pub(super) fn solid_views(
         return Ok(None);
     }
     let mut whole = mesh.clone();
-    behind.map_or(Ok(()), |behind| whole.append(behind.clone()))?;
+    if let Some(backdrop) = backdrop {
+        whole.append(backdrop.clone())?;
+    }
     let drawing = drawing(cameras, &whole, SAMPLES);
     let mut solid = SolidRasterizer::new();
     let picture = |camera: &Camera| {
@@ -206,7 +206,7 @@ pub(super) fn solid_views(
         RgbImage { alpha: Some(black.rgb.iter().zip(&white.rgb).map(covered).collect()), ..black }
     };
     let views = Views::drawn(cameras.to_vec(), cameras.iter().map(picture).collect());
-    Ok(Some(if behind.is_some() { views } else { views.of_object() }))
+    Ok(Some(if backdrop.is_some() { views } else { views.of_object() }))
 }
 
 /// The soft pictures of `scene` from `cameras` in its frame, or from an evenly spaced selection

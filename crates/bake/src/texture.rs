@@ -1,8 +1,8 @@
-//! Texels from the photos: in place of one colour, each triangle shows what photos show of it.
+//! Texels from the photos: in place of one colour, each triangle shows its detail in the photos.
 //!
 //! The size that a triangle has in photos decides how many texels it has (`footprint`). Of a soup,
 //! pairs of triangles share a rectangle of one picture (`atlas`); a connected mesh is unwrapped
-//! (`charts`). Texels begin with the colours of the mesh, and get what photos show more (`fit`):
+//! (`charts`). Texels begin with the colours of the mesh, and get the detail of photos (`fit`):
 //! all of them on average, or also the detail of the one that shows a face best (`best`).
 //!
 //! Some photos are held out at first, and compared with colours and with texels: where triangles
@@ -16,6 +16,8 @@ use atlas::{Atlas, Layout, footprints};
 use best::PhotoCandidates;
 use charts::Charts;
 pub use options::{TextureDetail, TextureOptions, TextureWhen};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use texels::{PixelSelection, Texels};
 use trisplat_scene::image::RgbImage;
@@ -30,15 +32,13 @@ mod charts;
 mod options;
 mod texels;
 
-/// Number of photos for which λ is what the options say; half as many double it.
+/// Number of photos for which λ is that of the options; half as many double it.
 const USUAL_PHOTOS: f32 = 40.0;
-/// λ of what the best photo adds to the mean, px.
+/// λ of the detail that the best photo adds to the mean, px.
 const SHARP_FLATNESS: f32 = 0.2;
 
 /// Measurements of the texture; empty when there is none.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TextureDetails {
     /// Width and height, texels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -82,6 +82,14 @@ impl TextureDetails {
         Some(format!("{before:.1} → {after:.1} dB{ssim} on held-out photos"))
     }
 
+    /// Records the scores of colours and of texels on held-out photos.
+    fn record(&mut self, colors: &ViewScores, texels: &ViewScores) {
+        self.psnr_before = Some(colors.psnr);
+        self.psnr_after = Some(texels.psnr);
+        self.ssim_before = Some(colors.ssim);
+        self.ssim_after = Some(texels.ssim);
+    }
+
     /// True if held-out photos match the colours better by every measure.
     fn colors_are_better(&self) -> bool {
         let fell =
@@ -100,7 +108,7 @@ impl TextureDetails {
 
 trisplat_scene::stage!(TextureDetails, "texture");
 
-/// Gives `mesh` a texture of what `views` show. Texels begin with the colours `unseen`, if there
+/// Gives `mesh` a texture from `views`. Texels begin with the colours `unseen`, if there
 /// are any, or those of the mesh.
 ///
 /// # Errors
@@ -147,8 +155,8 @@ pub fn texture(
     Ok(outcome)
 }
 
-/// Gives `mesh`, whose faces are placed by `layout`, what `views` show. `before` are the scores of
-/// colours on held-out photos, if known.
+/// Gives `mesh`, whose faces are placed by `layout`, a texture from `views`. `before` are the
+/// scores of colours on held-out photos, if computed.
 fn paint(
     mesh: &mut Mesh,
     views: &mut Views,
@@ -167,53 +175,31 @@ fn paint(
         |photos: usize| options.texture_flatness as f32 * USUAL_PHOTOS / photos.max(1) as f32;
     let painted = |texels: &Texels, flatness: f32| Some(textured(layout, texels.picture(flatness)));
     let mut candidates = PhotoCandidates::new(mesh.face_count());
-    texels.add(
-        mesh,
-        views,
-        layout,
-        &others,
-        PixelSelection::All(&mut candidates),
-        progress.part(0.1, 0.5),
-    )?;
+    let selection = PixelSelection::All(&mut candidates);
+    texels.add(mesh, views, layout, &others, selection, progress.part(0.1, 0.5))?;
     if !held_out.is_empty() {
         let colors = before.map_or_else(|| views.mean_scores(mesh, &held_out), Ok)?;
         mesh.texture = painted(&texels, flatness(others.len()));
         let texel_scores = views.mean_scores(mesh, &held_out)?;
         mesh.texture = None;
-        details.psnr_before = Some(colors.psnr);
-        details.psnr_after = Some(texel_scores.psnr);
-        details.ssim_before = Some(colors.ssim);
-        details.ssim_after = Some(texel_scores.ssim);
+        details.record(&colors, &texel_scores);
         if options.texture == TextureWhen::Auto && details.colors_are_better() {
             return Ok(Outcome::Skipped("held-out photos match the colours better than texels"));
         }
     }
-    texels.add(
-        mesh,
-        views,
-        layout,
-        &held_out,
-        PixelSelection::All(&mut candidates),
-        progress.part(0.6, 0.7),
-    )?;
-    let connected = !mesh.indices.is_empty();
-    if options.texture_detail == TextureDetail::Mean
-        || options.texture_detail == TextureDetail::Auto && !connected
-    {
+    let selection = PixelSelection::All(&mut candidates);
+    texels.add(mesh, views, layout, &held_out, selection, progress.part(0.6, 0.7))?;
+    let is_soup = mesh.indices.is_empty();
+    let detail = options.texture_detail;
+    if detail == TextureDetail::Mean || detail == TextureDetail::Auto && is_soup {
         mesh.texture = painted(&texels, flatness(views.len()));
         return Ok(Outcome::Changed(()));
     }
     texels.settle(flatness(views.len()));
     let best = candidates.best(mesh);
     details.best_photos = Some(best.views().len() as u64);
-    texels.add(
-        mesh,
-        views,
-        layout,
-        &best.views(),
-        PixelSelection::Best(&best),
-        progress.part(0.7, 0.95),
-    )?;
+    let selection = PixelSelection::Best(&best);
+    texels.add(mesh, views, layout, &best.views(), selection, progress.part(0.7, 0.95))?;
     texels.sharpen(layout, &best, SHARP_FLATNESS);
     mesh.texture = painted(&texels, 0.0);
     Ok(Outcome::Changed(()))

@@ -14,17 +14,20 @@
 //! hold about equal numbers. Triangles belong to the tile of their centroid.
 
 use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::report::Outcome;
 use trisplat_scene::{Asset, Result, Tile};
 
-/// Maximum number of levels below the root: 4^12 tiles of the smallest size exceed 32-bit counts of triangles.
+/// Maximum number of levels below the root: 4^12 tiles of the smallest size exceed 32-bit counts of
+/// triangles.
 const MAX_LEVELS: u32 = 12;
 
 /// Options of cutting the scene into tiles.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TilesOptions {
     /// Write 3D Tiles 1.1 that stream: OUT.tileset.json and a folder OUT.tiles of GLB files; -o
@@ -57,9 +60,7 @@ impl TilesOptions {
 trisplat_scene::default!(TilesOptions);
 
 /// The tree of tiles.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TilesDetails {
     /// Tiles that hold triangles.
     pub tiles: u64,

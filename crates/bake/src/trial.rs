@@ -7,9 +7,9 @@ use trisplat_scene::Rng;
 
 /// Number of groups.
 pub(super) const GROUPS: usize = 4;
-/// Moves of a corner outwards and inwards, as shares of its distance from the middle of the opposite
-/// edge.
-const MOVES: [f32; 3] = [0.3, 0.3, -0.18];
+/// Moves of a corner outwards and inwards, as shares of its distance from the middle of the
+/// opposite edge.
+const CORNER_MOVES: [f32; 3] = [0.3, 0.3, -0.18];
 /// Maximum sideways move, as a share of the opposite edge.
 const MAX_SIDEWAYS: f32 = 0.25;
 
@@ -26,7 +26,8 @@ pub(super) fn with_moved_corner(mut corners: [Vec3; 3], face: u32, round: u32) -
     let edge = corners[(corner + 1) % 3] - corners[(corner + 2) % 3];
     let draw = Rng::new(0, "move", round.into());
     let [out, aside] = [0, 1].map(|k| draw.uniform(2 * u64::from(face) + k));
-    let out = MOVES[((out * MOVES.len() as f32) as usize).min(MOVES.len() - 1)];
+    let out =
+        CORNER_MOVES[((out * CORNER_MOVES.len() as f32) as usize).min(CORNER_MOVES.len() - 1)];
     corners[corner] +=
         (corners[corner] - across) * out + edge * (MAX_SIDEWAYS * (2.0 * aside - 1.0));
     corners

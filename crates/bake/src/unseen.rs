@@ -9,6 +9,8 @@
 use crate::decimate::Decimation;
 use crate::views::{self, SAMPLES, Views};
 use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
@@ -18,20 +20,20 @@ use trisplat_scene::{Error, Result, parallel};
 
 /// Samples per pixel along each axis when only unseen triangles are dropped: a plain bake of our
 /// own soup must be fast.
-const SAMPLES_AT_LEAST: u32 = 1;
-/// Hidden triangles stay when they are at most this share of all.
-const FEW_HIDDEN: f64 = 0.05;
+const MIN_SAMPLES: u32 = 1;
+/// Maximum share of hidden triangles that stay: so few cost little.
+const MAX_HIDDEN_SHARE: f64 = 0.05;
 /// At least this share of a triangle's visible area must lie in unmasked pixels. Triangles at the
 /// border of a mask lie in masked pixels for the most part, and without them holes open in other
 /// views.
 const MIN_UNMASKED_SHARE: f32 = 0.02;
-/// The same for photos of an object without background: there pixels beside it are empty, and what
-/// mostly lies in them is a shard.
+/// The same for photos of an object without background: pixels beside it are empty, and
+/// triangles mostly in them are shards.
 const MIN_UNMASKED_SHARE_OF_OBJECT: f32 = 0.5;
 /// Number of photos for the curve of error against triangles.
 const CURVE_VIEWS: usize = 12;
-/// With `max_error`, at least about one triangle in this many stays.
-const FEWEST: usize = 64;
+/// Maximum reduction with `max_error`: about one triangle in this many stays.
+const MAX_REDUCTION: usize = 64;
 /// Progress of a decimation when visibility is known.
 const DRAWING_PART: f64 = 0.1;
 /// Progress of a decimation when corners begin to move.
@@ -40,7 +42,7 @@ const MOVING_PART: f64 = 0.3;
 const CURVE_STEPS: usize = 9;
 
 /// Options of removing triangles that photos do not show.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct UnseenOptions {
     /// Keep triangles that are hidden in every photo: fewer holes far from where the photos were
@@ -66,9 +68,7 @@ impl UnseenOptions {
 trisplat_scene::default!(UnseenOptions);
 
 /// Measurements of visibility; empty without cameras.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct UnseenDetails {
     /// Triangles that no camera sees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -92,7 +92,7 @@ pub struct UnseenDetails {
 trisplat_scene::stage!(UnseenDetails, "unseen");
 
 /// The score of the most important triangles.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CurvePoint {
     /// Triangles kept, the most important ones.
     pub triangles: u64,
@@ -135,42 +135,14 @@ pub fn unseen(
     if let Some(why) = skip_reason(mesh, cameras, options, max_faces) {
         return Ok(Outcome::Skipped(why));
     }
-    let chooses = views.is_some() || mesh.face_count() > max_faces;
-    let samples = if chooses { SAMPLES } else { SAMPLES_AT_LEAST };
-    let decides_at = if mesh.face_count() > max_faces || options.max_error.is_some() {
-        DRAWING_PART
-    } else {
-        1.0
-    };
+    let is_limited = mesh.face_count() > max_faces;
+    let samples = if views.is_some() || is_limited { SAMPLES } else { MIN_SAMPLES };
+    let decimates = is_limited || options.max_error.is_some();
+    let decides_at = if decimates { DRAWING_PART } else { 1.0 };
     let visible_area = visible_px(mesh, cameras, samples, progress.part(0.0, decides_at));
-    let mut ranked = rank_by_visibility(mesh, &visible_area);
-    let visible = ranked.partition_point(|&f| visible_area[f as usize] > 0.0);
-    if visible == 0 && views.as_ref().is_some_and(|views| !views.is_drawn()) {
-        let wants =
-            "photos of this scene: none of its triangles is in any view; was it moved or scaled?";
-        let fault = "its cameras".to_owned();
-        return Err(Error::ForeignPhotos { fault, wants: wants.to_owned() });
-    }
-    details.seen_by_none = Some((ranked.len() - visible) as u64);
-    let outside = outside_first(mesh, cameras, &mut ranked[visible..]);
-    details.outside = Some(outside as u64);
-    let hidden = ranked.len() - visible - outside;
-    let kept_unseen =
-        if hidden as f64 <= FEW_HIDDEN * ranked.len() as f64 { outside + hidden } else { outside };
-    // Faces that are seen enough come first among the seen ones.
-    let seen_enough = if options.keep_unseen {
-        visible
-    } else {
-        ranked[..visible]
-            .partition_point(|&f| f64::from(visible_area[f as usize]) >= options.min_seen_px)
-            .max(1)
-    };
-    let needed =
-        if options.keep_unseen || visible == 0 { ranked.len() } else { seen_enough + kept_unseen };
-    if needed < ranked.len() {
-        // Kept ones come before hardly seen ones.
-        ranked[seen_enough..visible + kept_unseen].rotate_left(visible - seen_enough);
-    }
+    let are_photos = views.as_ref().is_some_and(|views| !views.is_drawn());
+    let ranking = rank(mesh, cameras, &visible_area, options, are_photos, details)?;
+    let VisibilityRanking { mut ranked, visible, seen_enough, needed } = ranking;
     let [seen_enough, needed] =
         protected_first(&mut ranked, &limit.protected, [seen_enough, needed]);
     let mut keep = needed.min(max_faces);
@@ -178,7 +150,8 @@ pub fn unseen(
     let mut decimation =
         decimates.then(|| Decimation::new(mesh, cameras).protecting(&limit.protected));
     if let Some(decimation) = &mut decimation {
-        let fewest = if options.max_error.is_some() { visible / FEWEST } else { keep }.max(1);
+        let fewest =
+            if options.max_error.is_some() { visible / MAX_REDUCTION } else { keep }.max(1);
         let candidates = &mut ranked[..seen_enough];
         let progress = progress.part(DRAWING_PART, MOVING_PART);
         let best = decimation.rank_by_importance(&visible_area, candidates, fewest, progress);
@@ -199,6 +172,65 @@ pub fn unseen(
     }
     mesh.keep(&ranked[..keep]);
     Ok(Outcome::Changed(()))
+}
+
+/// All faces in the order in which they stay.
+struct VisibilityRanking {
+    /// Faces, the most visible first. `[F]`
+    ranked: Vec<u32>,
+    /// Number of visible faces.
+    visible: usize,
+    /// Number of first faces that are seen well enough.
+    seen_enough: usize,
+    /// Number of first faces that stay without a limit.
+    needed: usize,
+}
+
+/// Ranks the faces of `mesh` by their visible area.
+///
+/// # Errors
+///
+/// `are_photos`, and no face is in any of them.
+fn rank(
+    mesh: &Mesh,
+    cameras: &[Camera],
+    visible_area: &[f32],
+    options: &UnseenOptions,
+    are_photos: bool,
+    details: &mut UnseenDetails,
+) -> Result<VisibilityRanking> {
+    let mut ranked = rank_by_visibility(mesh, visible_area);
+    let visible = ranked.partition_point(|&f| visible_area[f as usize] > 0.0);
+    if visible == 0 && are_photos {
+        let wants =
+            "photos of this scene: none of its triangles is in any view; was it moved or scaled?";
+        let fault = "its cameras".to_owned();
+        return Err(Error::ForeignPhotos { fault, wants: wants.to_owned() });
+    }
+    details.seen_by_none = Some((ranked.len() - visible) as u64);
+    let outside = outside_first(mesh, cameras, &mut ranked[visible..]);
+    details.outside = Some(outside as u64);
+    let hidden = ranked.len() - visible - outside;
+    let kept_unseen = if hidden as f64 <= MAX_HIDDEN_SHARE * ranked.len() as f64 {
+        outside + hidden
+    } else {
+        outside
+    };
+    // Faces that are seen well enough come first among the visible ones.
+    let seen_enough = if options.keep_unseen {
+        visible
+    } else {
+        ranked[..visible]
+            .partition_point(|&f| f64::from(visible_area[f as usize]) >= options.min_seen_px)
+            .max(1)
+    };
+    let needed =
+        if options.keep_unseen || visible == 0 { ranked.len() } else { seen_enough + kept_unseen };
+    if needed < ranked.len() {
+        // Kept ones come before hardly seen ones.
+        ranked[seen_enough..visible + kept_unseen].rotate_left(visible - seen_enough);
+    }
+    Ok(VisibilityRanking { ranked, visible, seen_enough, needed })
 }
 
 /// Drops triangles that photos see nearly only in masked pixels, where training never compared them

@@ -4,15 +4,15 @@
 //! Runs late, because it needs the final triangles, upright as placed.
 
 use glam::Vec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_raster::framing::{ViewpointInput, viewpoint as best_viewpoint};
 use trisplat_scene::Asset;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::report::Outcome;
 
 /// The chosen viewpoint.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ViewpointDetails {
     /// Number of the photo taken there, counted from 0; absent for other viewpoints.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -19,7 +19,7 @@ const NEAR: f32 = 0.01;
 /// Samples per pixel along each axis when a choice depends on the picture.
 pub const SAMPLES: u32 = 2;
 /// Pictures covered to this share show surroundings, not an object.
-const SURROUNDED: f64 = 0.9;
+const MIN_SURROUNDINGS_COVER: f64 = 0.9;
 /// One photo in this many is held out when a stage evaluates its fit.
 const EVALUATION_EVERY: usize = 8;
 /// Maximum number of held-out photos.
@@ -89,7 +89,11 @@ impl Views {
     /// no weight; else it is the background of an object.
     pub fn of_pictures(dataset: &Dataset, options: &DatasetOptions, covered: f64) -> Self {
         let views = Self { drawn: Some(covered), ..Self::new(dataset, options) };
-        if covered >= SURROUNDED { Self { cut: Vec::new(), masked: false, ..views } } else { views }
+        if covered >= MIN_SURROUNDINGS_COVER {
+            Self { cut: Vec::new(), masked: false, ..views }
+        } else {
+            views
+        }
     }
 
     /// Pictures drawn for `cameras` in the frame of the scene, over black; their alpha is the
@@ -215,7 +219,7 @@ impl Views {
         &self.cameras[view]
     }
 
-    /// Starts decoding the photos that will be asked for next, in this order.
+    /// Starts decoding photos that are needed next, in this order.
     pub fn prefetch(&mut self, views: &[usize]) {
         self.photos.prefetch(views.iter().copied());
     }
@@ -274,7 +278,7 @@ impl Views {
         Ok(ViewScores { psnr, ssim })
     }
 
-    /// The mean of what `measure` says of each photo of `chosen` and of `mesh` drawn like it.
+    /// Mean of `measure` over the photos `chosen` and drawings of `mesh` from their cameras.
     fn mean<const N: usize>(
         &mut self,
         mesh: &Mesh,
@@ -319,7 +323,7 @@ impl Views {
     }
 }
 
-/// A photo without the pixels where nothing is `seen`; `None` when that is everywhere.
+/// A photo without the pixels that show no face; `None` when none do.
 fn covered(photo: &RgbImage, seen: &Visibility) -> Option<RgbImage> {
     let mut alpha = photo.alpha.clone().unwrap_or_else(|| vec![u8::MAX; photo.rgb.len()]);
     for (alpha, face) in alpha.iter_mut().zip(&seen.face) {
@@ -330,8 +334,8 @@ fn covered(photo: &RgbImage, seen: &Visibility) -> Option<RgbImage> {
     alpha.iter().any(|alpha| *alpha > 0).then(|| RgbImage { alpha: Some(alpha), ..photo.clone() })
 }
 
-/// Options by which `cameras` draw `mesh`: with the near plane a hundredth of the way to its middle, and a black
-/// background.
+/// Options by which `cameras` draw `mesh`: with the near plane a hundredth of the way to its
+/// middle, and a black background.
 pub(crate) fn drawing(cameras: &[Camera], mesh: &Mesh, samples: u32) -> SolidRasterOptions {
     let count = mesh.vertex_count().max(1);
     let middle = mesh.positions.iter().map(|v| v.as_dvec3()).sum::<DVec3>() / count as f64;

@@ -2,15 +2,15 @@
 
 use glam::Vec3;
 use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::report::Outcome;
 use trisplat_scene::{Result, parallel};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// When corners are shared.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum WeldWhen {
     /// When the file gets smaller
@@ -22,7 +22,7 @@ pub enum WeldWhen {
 }
 
 /// Options of merging equal corners into one vertex.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WeldOptions {
     /// When corners of equal position and colour become one vertex
@@ -39,9 +39,7 @@ impl WeldOptions {
 trisplat_scene::default!(WeldOptions);
 
 /// Measurements of corners.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct WeldDetails {
     /// Share of distinct corners, in a sample when there are many; only when `weld` is auto.
     #[serde(default, skip_serializing_if = "Option::is_none")]

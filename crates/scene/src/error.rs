@@ -57,6 +57,11 @@ pub enum Error {
         /// The accepted values.
         wants: String,
     },
+    /// Cameras see no connected surface in the scene.
+    #[error(
+        "no surface was found: the cameras see too few triangles; lower `min_component` or `min_views`, or give a data set whose photos show the scene"
+    )]
+    EmptySurface,
     /// The photos do not show the scene.
     #[error("dataset is {fault}: expected {wants}")]
     ForeignPhotos {

@@ -66,8 +66,8 @@ const TREE_SAMPLE: usize = 1 << 17;
 /// By the sample a part holds at most this share of a chunk, so that hardly any turns out too
 /// large.
 const TREE_FILL: f64 = 0.95;
-/// Items that go down the tree at once.
-const ABREAST: usize = 8;
+/// Number of items that descend the tree at once.
+const DESCENTS: usize = 8;
 
 impl CutTree {
     fn new(mesh: &Mesh, faces: usize, limit: usize) -> Self {
@@ -101,8 +101,8 @@ impl CutTree {
 
     /// The parts that items at these places are in. Every item takes as many steps, several at
     /// once: a single one would wait for the memory and the comparison of each.
-    fn parts_of(&self, places: [[f32; 4]; ABREAST]) -> [u32; ABREAST] {
-        let mut at = [0; ABREAST];
+    fn parts_of(&self, places: [[f32; 4]; DESCENTS]) -> [u32; DESCENTS] {
+        let mut at = [0; DESCENTS];
         for _ in 0..self.depth {
             for (at, place) in at.iter_mut().zip(&places) {
                 let node = &self.nodes[*at as usize];
@@ -116,8 +116,8 @@ impl CutTree {
     fn parts(&self, mesh: &Mesh, faces: usize) -> Vec<Vec<u32>> {
         let place =
             |face: usize| FaceItem::new(mesh, face.min(faces - 1) as u32).place().to_array();
-        let of = parallel::collect(faces.div_ceil(ABREAST), GRAIN / ABREAST, |block| {
-            self.parts_of(std::array::from_fn(|i| place(block * ABREAST + i)))
+        let of = parallel::collect(faces.div_ceil(DESCENTS), GRAIN / DESCENTS, |block| {
+            self.parts_of(std::array::from_fn(|i| place(block * DESCENTS + i)))
         });
         let mut parts = vec![Vec::new(); self.parts];
         for (face, part) in (0..faces as u32).zip(of.as_flattened()) {
@@ -208,7 +208,7 @@ impl BinGrid {
     }
 }
 
-/// A cut on an axis: what lies before the end of a bin is left.
+/// A cut on an axis: items before the end of a bin are on the left.
 #[derive(Debug, Clone, Copy)]
 struct Cut {
     axis: usize,
@@ -219,7 +219,7 @@ struct Cut {
 }
 
 impl Cut {
-    /// Of a part: nothing is asked of it.
+    /// Placeholder of a part, which is not cut.
     const NONE: Self = Self { axis: 0, origin: 0.0, scale: 0.0, end: 0.0 };
 
     /// After this bin of a grid, which is not its last.

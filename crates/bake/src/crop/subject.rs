@@ -1,4 +1,4 @@
-//! The object that cameras look at together, with what it stands on near it.
+//! The object that cameras look at together, with the surface that it stands on near it.
 //!
 //! In the smallest ball around the point that cameras look at in which something is whole: the
 //! lowest layer with much area that they see is its support, such as a table, or a wall. What is
@@ -19,47 +19,47 @@ use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Scene, UpAxis};
 
-/// Longest side of a triangle that is looked at, in radii: larger ones are walls.
-const LONGEST: f32 = 1.0;
-/// Maximum number of pictures by which is seen what hides what, ...
+/// Maximum edge of a triangle, in radii: larger ones are walls.
+const MAX_EDGE: f32 = 1.0;
+/// Maximum number of pictures that decide visibility.
 const MAX_PICTURES: usize = 48;
-/// ... their longer side, px, ...
-const SIDE: u32 = 320;
+/// Longer side of these pictures, px.
+const PICTURE_SIDE: u32 = 320;
 /// Near plane of these pictures, in radii.
 const NEAR: f32 = 0.05;
-/// Factor between the balls in which something is looked for.
-const GROWTH: f32 = 1.189_207_1;
-/// The ball of these that fits into the width of a picture.
-const WIDTH: usize = 4;
-/// A share of the area in view that is all of it.
-const ALL: f32 = 0.9;
+/// Ratio of the radii of successive balls in which the subject is searched.
+const BALL_GROWTH: f32 = 1.189_207_1;
+/// Number of the ball that fits into the width of a picture.
+const WIDTH_BALL: usize = 4;
+/// Share of the visible area that counts as all of it.
+const WHOLE_VIEW_SHARE: f32 = 0.9;
 /// Maximum height of a whole thing, as a share of the reach.
-const ENDS: f32 = 0.9;
+const MAX_HEIGHT: f32 = 0.9;
 /// Maximum radius on the ground of a whole thing, as a share of the reach.
-const ENDS_ACROSS: f32 = 0.75;
+const MAX_RADIUS: f32 = 0.75;
 /// Minimum radius of a subject, in radii: smaller things are parts of it.
-const MIN_SIZE: f32 = 0.25;
+const MIN_RADIUS: f32 = 0.25;
 /// The lowest layer with at least this share of the largest is the support.
-const COMPARABLE: f32 = 0.5;
+const MIN_LAYER_SHARE: f32 = 0.5;
 /// A support ends where a layer has less than this share of its area.
-const FADES: f32 = 0.25;
+const MIN_EDGE_SHARE: f32 = 0.25;
 /// Maximum number of layers of a support on each side.
 const MAX_LAYERS: usize = 6;
 /// Thickness of the support, in radii.
-const LAYER: f32 = 0.06;
+const LAYER_THICKNESS: f32 = 0.06;
 /// Maximum height of the support above the middle, in radii.
-const SUPPORT_BELOW: f32 = 0.3;
+const MAX_SUPPORT_HEIGHT: f32 = 0.3;
 /// Minimum share of the area that a support has.
 const MIN_SUPPORT_AREA: f32 = 0.1;
 /// Cells by which connected parts are found, per radius.
-const CELLS: f32 = 14.0;
+const CELLS_PER_RADIUS: f32 = 14.0;
 /// The object is the part with most area within this many radii of the middle.
-const CORE: f32 = 0.6;
-/// Parts with less than this share of the object's area are crumbs.
-const CRUMB: f32 = 0.05;
+const CORE_RADIUS: f32 = 0.6;
+/// Minimum area of a part, as a share of the object's: smaller ones are crumbs.
+const MIN_PART_AREA: f32 = 0.05;
 
-/// True for the triangles of `scene` that are the subject, and its volume; `None` when nothing stands
-/// out. `up` is that of its file, if it names one.
+/// True for the triangles of `scene` that are the subject, and its volume; `None` when nothing
+/// stands out. `up` is that of its file, if it names one.
 pub(super) fn subject(
     scene: &Scene,
     cameras: &[Camera],
@@ -69,10 +69,10 @@ pub(super) fn subject(
     let mut volume = SubjectVolume { frame, outline, support, edge: 1.0 };
     // The object, and the support around it: other triangles inside float.
     let is_near = |at: Vec3| {
-        at.z >= volume.low() && support.is_some_and(|support| at.z < support.high + LAYER)
+        at.z >= volume.low() && support.is_some_and(|support| at.z < support.high + LAYER_THICKNESS)
     };
     let is_flat = |piece: &GroundTriangle| {
-        piece.longest() < LONGEST || piece.corners.into_iter().all(is_near)
+        piece.longest() < MAX_EDGE || piece.corners.into_iter().all(is_near)
     };
     let is_level =
         |piece: &&GroundTriangle| volume.is_level(piece) && is_near(piece.middle) && is_flat(piece);
@@ -109,7 +109,7 @@ fn find(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> Option<Standin
     let ways = ways(&mesh, cameras, up);
     let looked_at = looked_at(cameras);
     let standing = |(ball, way)| StandingObject::new(scene, &areas, BallFrame::new(ball, way));
-    // Only what hangs from something is on a wall.
+    // Only a thing with a support is on a wall.
     let is_whole = |found: &StandingObject, way: usize| {
         found.is_whole() && (found.support.is_some() || way == 0)
     };
@@ -120,13 +120,14 @@ fn find(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> Option<Standin
             if found.as_ref().is_some_and(|found| is_whole(found, number)) {
                 return found;
             }
-            middle = if (size, number) == (WIDTH, 0) { found } else { middle };
+            middle = if (size, number) == (WIDTH_BALL, 0) { found } else { middle };
         }
     }
     // A thing without an end is cut out as photos show it, unless it is all that they show.
     let all: f32 = areas.iter().sum();
     let reached = standing((ball, *ways.first()?));
-    let reached = reached.filter(|found| looked_at.is_empty() || found.sees() > ALL * all);
+    let reached =
+        reached.filter(|found| looked_at.is_empty() || found.sees() > WHOLE_VIEW_SHARE * all);
     reached.or_else(|| middle.map(StandingObject::cut))
 }
 
@@ -143,7 +144,7 @@ fn looked_at(cameras: &[Camera]) -> Vec<Subject> {
     let smallest = size(Vec2::min_element) / 4.0;
     let largest = size(Vec2::max_element) / 2.0;
     let ball = |radius| Subject { center, radius, is_alone: false };
-    let radii = std::iter::successors(Some(smallest), |radius| Some(radius * GROWTH));
+    let radii = std::iter::successors(Some(smallest), |radius| Some(radius * BALL_GROWTH));
     radii.take_while(|radius| 0.0 < *radius && *radius <= largest).map(ball).collect()
 }
 
@@ -154,7 +155,7 @@ fn seen(mesh: &Mesh, cameras: &[Camera], ball: Subject) -> Vec<f32> {
     let mut solid = SolidRasterizer::new();
     let options = SolidRasterOptions { near: NEAR * ball.radius, ..SolidRasterOptions::default() };
     for camera in cameras.iter().step_by(cameras.len().div_ceil(MAX_PICTURES).max(1)) {
-        let camera = camera.fit_within(SIDE);
+        let camera = camera.fit_within(PICTURE_SIDE);
         let drawn = solid.visibility(mesh, &camera, &options);
         for (face, depth) in
             drawn.face.iter().zip(&drawn.depth).filter(|(face, _)| **face != NO_FACE)
@@ -201,7 +202,7 @@ impl StandingObject {
             inner.filter_map(|(i, area)| frame.piece(i, scene.corners(i), *area)).collect();
         let support = support(&pieces);
         let is_level = |piece: &GroundTriangle| support.is_some_and(|support| support.holds(piece));
-        let stands = |piece: &&GroundTriangle| piece.longest() < LONGEST && !is_level(piece);
+        let stands = |piece: &&GroundTriangle| piece.longest() < MAX_EDGE && !is_level(piece);
         let standing: Vec<GroundTriangle> = pieces.iter().filter(stands).copied().collect();
         let object = object(&standing)?;
         let outline = Outline::new(&object)?;
@@ -218,21 +219,25 @@ impl StandingObject {
         self.object =
             self.pieces.iter().filter(|piece| piece.middle.length() < 1.0).copied().collect();
         self.outline = Outline::disc(1.0);
-        self.support = Some(Support { height: -1.0, low: -1.0 - LAYER, high: LAYER - 1.0 });
+        self.support = Some(Support {
+            height: -1.0,
+            low: -1.0 - LAYER_THICKNESS,
+            high: LAYER_THICKNESS - 1.0,
+        });
         self
     }
 
     /// True if it ends within the ball, and is no mere part of the thing in the middle.
     fn is_whole(&self) -> bool {
         let outline = &self.outline;
-        let ends = outline.far() < ENDS_ACROSS * REACH && outline.top < ENDS * REACH;
-        ends && outline.radius() > MIN_SIZE && outline.is_central()
+        let ends = outline.far() < MAX_RADIUS * REACH && outline.top < MAX_HEIGHT * REACH;
+        ends && outline.radius() > MIN_RADIUS && outline.is_central()
     }
 }
 
 /// The layer with most area, if it has enough.
 fn support(pieces: &[GroundTriangle]) -> Option<Support> {
-    let within = pieces.iter().filter(|piece| piece.longest() < LONGEST);
+    let within = pieces.iter().filter(|piece| piece.longest() < MAX_EDGE);
     let mut heights: Vec<(f32, f32)> = within.map(|piece| (piece.middle.z, piece.seen)).collect();
     heights.sort_by(|a, b| a.0.total_cmp(&b.0));
     let all: f32 = heights.iter().map(|one| one.1).sum();
@@ -241,12 +246,12 @@ fn support(pieces: &[GroundTriangle]) -> Option<Support> {
     let mut moment = 0.0;
     let mut layers = Vec::new();
     for (first, weight) in &heights {
-        while end < heights.len() && heights[end].0 <= first + LAYER {
+        while end < heights.len() && heights[end].0 <= first + LAYER_THICKNESS {
             area += heights[end].1;
             moment += heights[end].0 * heights[end].1;
             end += 1;
         }
-        if moment / area < SUPPORT_BELOW {
+        if moment / area < MAX_SUPPORT_HEIGHT {
             layers.push((area, moment / area));
         }
         area -= weight;
@@ -254,19 +259,22 @@ fn support(pieces: &[GroundTriangle]) -> Option<Support> {
     }
     let largest = layers.iter().map(|layer| layer.0).fold(0.0, f32::max);
     // Cloth has folds: of a board on it, more may be in one layer.
-    let first = layers.iter().find(|layer| layer.0 >= COMPARABLE * largest)?;
-    let near = layers.iter().filter(|layer| (first.1..first.1 + LAYER).contains(&layer.1));
+    let first = layers.iter().find(|layer| layer.0 >= MIN_LAYER_SHARE * largest)?;
+    let near =
+        layers.iter().filter(|layer| (first.1..first.1 + LAYER_THICKNESS).contains(&layer.1));
     let (area, height) = near.copied().max_by(|a, b| a.0.total_cmp(&b.0))?;
     let between = |low: f32, high: f32| {
         let at = |height: f32| heights.partition_point(|one| one.0 < height);
         heights[at(low)..at(high)].iter().map(|one| one.1).sum::<f32>()
     };
     // Half a layer is on either side of its middle.
-    let is_thick =
-        |at: f32| between(height + at - LAYER / 2.0, height + at + LAYER / 2.0) > FADES * area;
+    let is_thick = |at: f32| {
+        between(height + at - LAYER_THICKNESS / 2.0, height + at + LAYER_THICKNESS / 2.0)
+            > MIN_EDGE_SHARE * area
+    };
     let end = |way: f32| {
-        let layers = (1..MAX_LAYERS).map(|i| way * i as f32 * LAYER);
-        layers.take_while(|at| is_thick(*at)).last().unwrap_or(0.0) + way * LAYER
+        let layers = (1..MAX_LAYERS).map(|i| way * i as f32 * LAYER_THICKNESS);
+        layers.take_while(|at| is_thick(*at)).last().unwrap_or(0.0) + way * LAYER_THICKNESS
     };
     (area > MIN_SUPPORT_AREA * all).then(|| Support {
         height,
@@ -277,7 +285,7 @@ fn support(pieces: &[GroundTriangle]) -> Option<Support> {
 
 /// The connected part around the middle, and others that are large.
 fn object(standing: &[GroundTriangle]) -> Option<Vec<GroundTriangle>> {
-    let cell = |at: Vec3| (at * CELLS).floor().as_ivec3();
+    let cell = |at: Vec3| (at * CELLS_PER_RADIUS).floor().as_ivec3();
     let mut numbers: HashMap<IVec3, u32> = HashMap::new();
     let mut cells: Vec<IVec3> = Vec::new();
     for at in standing.iter().flat_map(GroundTriangle::places) {
@@ -306,12 +314,12 @@ fn object(standing: &[GroundTriangle]) -> Option<Vec<GroundTriangle>> {
         standing.iter().map(|piece| sets.first(numbers[&cell(piece.middle)]) as usize).collect();
     for (piece, part) in standing.iter().zip(&part) {
         areas[*part].0 += piece.seen;
-        areas[*part].1 += if piece.middle.length() < CORE { piece.seen } else { 0.0 };
+        areas[*part].1 += if piece.middle.length() < CORE_RADIUS { piece.seen } else { 0.0 };
     }
     let main =
         (0..areas.len()).max_by(|a, b| areas[*a].1.total_cmp(&areas[*b].1).then(b.cmp(a)))?;
     let largest = areas[main].0;
-    let belongs = |part: usize| part == main || areas[part].1 > CRUMB * largest;
+    let belongs = |part: usize| part == main || areas[part].1 > MIN_PART_AREA * largest;
     Some(
         standing
             .iter()

@@ -10,11 +10,11 @@ use trisplat_scene::math::lists::median;
 pub(super) const REACH: f32 = 1.6;
 /// Longest side of a triangle that is in the cells of its corners too, in radii: longer ones reach
 /// from one thing to another.
-const JOINED: f32 = 0.5;
+const MAX_JOINED_EDGE: f32 = 0.5;
 /// Margin kept around the object, in object radii.
 const MARGIN: f32 = 0.12;
-/// Share of the object that is within each of its sides: some triangles lie astray.
-const WITHIN: f32 = 0.99;
+/// Share of the object inside each side of its outline: some triangles lie astray.
+const INSIDE_SHARE: f32 = 0.99;
 
 /// A triangle, in heights and places on the ground around the middle of the subject's ball, whose
 /// radius is 1.
@@ -37,7 +37,7 @@ impl GroundTriangle {
 
     /// Places that it connects: its middle and, unless it is long, its corners.
     pub(super) fn places(&self) -> impl Iterator<Item = Vec3> + use<> {
-        let corners = if self.longest() < JOINED { 3 } else { 0 };
+        let corners = if self.longest() < MAX_JOINED_EDGE { 3 } else { 0 };
         std::iter::once(self.middle).chain(self.corners.into_iter().take(corners))
     }
 }
@@ -70,10 +70,10 @@ impl Support {
     }
 }
 
-/// Rings that tell how much of the support was seen.
+/// Number of rings for the coverage of the support.
 const RINGS: usize = 20;
 /// A ring is whole when this share of it is covered.
-const WHOLE: f32 = 0.95;
+const WHOLE_RING_SHARE: f32 = 0.95;
 /// Minimum covered share of a soup's support out to its edge.
 const MIN_SUPPORT_SHARE: f32 = 0.75;
 /// Minimum distance of that edge, as a share of the outline: smaller supports look like crumbs and
@@ -95,8 +95,8 @@ impl SubjectVolume {
         Some(f64::from(ball.radius * outline.radius() / away))
     }
 
-    /// True for the faces of a surface inside the volume, `corners` of the i-th; the support ends at
-    /// its last whole ring. `[F]`
+    /// True for the faces of a surface inside the volume, `corners` of the i-th; the support ends
+    /// at its last whole ring. `[F]`
     pub(crate) fn faces(&self, count: usize, corners: impl Fn(usize) -> [Vec3; 3]) -> Vec<bool> {
         let within = |face: usize| {
             let piece = self.frame.piece(face, corners(face), 0.0)?;
@@ -105,7 +105,8 @@ impl SubjectVolume {
         };
         let pieces: Vec<GroundTriangle> = (0..count).filter_map(within).collect();
         let level = pieces.iter().filter(|piece| self.is_level(piece));
-        let last = self.rings(level).iter().rposition(|[there, all]| *there >= WHOLE * all);
+        let last =
+            self.rings(level).iter().rposition(|[there, all]| *there >= WHOLE_RING_SHARE * all);
         let edge = last.map_or(1.0, |ring| (ring + 1) as f32 / RINGS as f32);
         let mut keep = vec![false; count];
         let stays =
@@ -150,8 +151,8 @@ impl SubjectVolume {
         self.support.is_some_and(|support| support.holds(piece))
     }
 
-    /// Radius, as a share of the outline, within which `pieces` cover most of the ground; 0 if it is
-    /// small.
+    /// Radius, as a share of the outline, within which `pieces` cover most of the ground; 0 if it
+    /// is small.
     pub(super) fn edge_of<'a>(&self, pieces: impl Iterator<Item = &'a GroundTriangle>) -> f32 {
         let mut sums = [0.0, 0.0];
         let is_there = self.rings(pieces).map(|ring| {
@@ -279,7 +280,7 @@ impl Outline {
             for (slot, piece) in values.iter_mut().zip(object) {
                 *slot = value(piece);
             }
-            let at = ((values.len() as f32 * WITHIN) as usize).min(values.len() - 1);
+            let at = ((values.len() as f32 * INSIDE_SHARE) as usize).min(values.len() - 1);
             *values.select_nth_unstable_by(at, f32::total_cmp).1
         };
         let mut outline = Self::disc(1e-3);

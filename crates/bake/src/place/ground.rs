@@ -11,7 +11,7 @@ const LAYER: f64 = 0.02;
 /// The ground is the lowest layer with at least this share of the largest layer's area. A floor
 /// beside a larger table counts, stray triangles below it do not.
 const MIN_SHARE_OF_LARGEST: f64 = 0.25;
-/// Most of a subject's area that lies below what it stands on: a few triangles are astray.
+/// Maximum share of a subject's area below its support: a few triangles are astray.
 const MAX_AREA_BELOW: f64 = 0.02;
 /// A floor is above its lower end by less than this share of its height.
 const MAX_HEIGHT_ABOVE_FLOOR: f64 = 0.05;
@@ -33,7 +33,7 @@ pub(crate) fn ground(scene: Foreground, cameras: &[Camera], up: DVec3) -> Option
     near.max_by(|a, b| a.area.total_cmp(&b.area)).map(|layer| layer.height)
 }
 
-/// The height along `up` of what a subject stands on: the floor that `ground` found, unless the
+/// The height along `up` of a subject's support: the floor that `ground` found, unless the
 /// subject reaches far below. Where its support was not kept, the lowest large layer may be its
 /// top. `None` for a scene without extent.
 pub(crate) fn under(scene: Foreground, ground: Option<f64>, up: DVec3) -> Option<f64> {

@@ -96,15 +96,15 @@ pub struct Evidence<'a> {
 /// People hold cameras level, so up is at right angles to the rows of the photos: the direction in
 /// which the right vectors vary least. A table or floor near that direction is more level than
 /// hands are steady, and replaces it.
-pub(crate) fn estimate(scene: Foreground, known: Evidence) -> Option<UpEstimate> {
-    let by_cameras = from_cameras(known.cameras)?;
+pub(crate) fn estimate(scene: Foreground, evidence: Evidence) -> Option<UpEstimate> {
+    let by_cameras = from_cameras(evidence.cameras)?;
     let cone = if by_cameras.open {
         WIDEST_CONE
     } else {
         (4.0 * by_cameras.tilt).clamp(NARROWEST_CONE, WIDEST_CONE)
     };
     let surface = if by_cameras.tilt < RANDOM_TILT {
-        surface(scene, known, by_cameras.up, cone)
+        surface(scene, evidence, by_cameras.up, cone)
     } else {
         None
     };
@@ -119,7 +119,7 @@ pub(crate) fn estimate(scene: Foreground, known: Evidence) -> Option<UpEstimate>
         share: s.share,
         degrees: s.normal.angle_between(by_cameras.up).to_degrees(),
     });
-    let cameras = known.cameras.len() as u64;
+    let cameras = evidence.cameras.len() as u64;
     Some(UpEstimate {
         direction: up.to_array(),
         cameras,
@@ -210,8 +210,8 @@ fn scatter(vectors: impl Iterator<Item = (DVec3, f64)>) -> DMat3 {
 
 /// The normal of the largest flat surface that is seen from the direction `toward`, such as a wall;
 /// `None` without a clear one.
-pub(crate) fn facing(scene: Foreground, known: Evidence, toward: DVec3) -> Option<DVec3> {
-    surface(scene, known, toward, WIDEST_VIEW).map(|wall| wall.normal)
+pub(crate) fn facing(scene: Foreground, evidence: Evidence, toward: DVec3) -> Option<DVec3> {
+    surface(scene, evidence, toward, WIDEST_VIEW).map(|wall| wall.normal)
 }
 
 /// A flat surface.
@@ -224,12 +224,17 @@ struct EstimatedSurface {
 
 /// The largest flat surface whose normal is within `cone` degrees of `up`, when there is a clear
 /// one.
-fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<EstimatedSurface> {
-    let region = ground::region(scene, known.cameras)?;
-    let (samples, clear_share) = if known.points.is_empty() {
+fn surface(
+    scene: Foreground,
+    evidence: Evidence,
+    up: DVec3,
+    cone: f64,
+) -> Option<EstimatedSurface> {
+    let region = ground::region(scene, evidence.cameras)?;
+    let (samples, clear_share) = if evidence.points.is_empty() {
         (ground::faces(scene, &region), CLEAR_OF_FACES)
     } else {
-        (ground::points(known.points, &region), CLEAR_OF_POINTS)
+        (ground::points(evidence.points, &region), CLEAR_OF_POINTS)
     };
     let min_cosine = libm::cos(cone.to_radians());
     let thickness = THICKNESS * region.radius;

@@ -19,7 +19,7 @@ use trisplat_surface::{SurfaceDetails, collision, surface};
 
 impl Recipe<'_> {
     /// On the scene as it was trained and in full, because the borders of its pictures show the
-    /// background. Hardening looks for it before it trains: then it is `known`.
+    /// background. `known`: found by hardening before it trained.
     pub(super) fn background(
         &mut self,
         loaded: ImportedScene,

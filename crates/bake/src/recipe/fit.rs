@@ -72,8 +72,8 @@ impl Recipe<'_> {
         })
     }
 
-    /// On triangles that no longer move, and before levels are made and colours are fitted to what
-    /// is drawn.
+    /// On triangles that no longer move, and before levels are made and colours are fitted to the
+    /// drawn sides.
     fn sides(&mut self, mesh: Mesh, cameras: &[Camera]) -> Result<Mesh> {
         let options = &self.options.sides;
         self.long_stage(mesh, Mesh::counts, |mesh, details, progress| {

@@ -17,7 +17,7 @@ pub(super) struct LoadedScene<'a> {
     /// The backdrop of an earlier bake.
     pub input_backdrop: Option<Mesh>,
     pub pictures: TargetPictures<'a>,
-    /// A mesh whose file does not say what is up, and not who wrote it either.
+    /// True for a mesh whose file names neither its up axis nor its writer.
     pub up_is_unknown: bool,
 }
 
@@ -52,7 +52,7 @@ impl Recipe<'_> {
         merge(self.of_one_kind(inputs)?)
     }
 
-    /// A mesh keeps its texture unless photos decide what triangles show: then its faces get the
+    /// A mesh keeps its texture unless photos decide colours: then its faces get the
     /// mean of their texels first.
     fn untextured(&mut self, mut loaded: ImportedScene, has_photos: bool) -> ImportedScene {
         if let Scene::Mesh(mesh) = &mut loaded.scene

@@ -93,8 +93,8 @@ impl Recipe<'_> {
         Ok(mesh)
     }
 
-    /// Splits `mesh` into the scene and its surroundings: the input's backdrop and the shell, as one
-    /// closed surface in place of shards. The shells of several inputs stay as they are.
+    /// Splits `mesh` into the scene and its surroundings: the input's backdrop and the shell, as
+    /// one closed surface in place of shards. The shells of several inputs stay as they are.
     pub(super) fn surroundings(
         &self,
         mesh: Mesh,
@@ -139,8 +139,8 @@ impl Recipe<'_> {
         close_surface(&shell, center, reach, max_faces).unwrap_or(shell)
     }
 
-    /// Colours that run softly, unless colours are to stay: in a shell cut into quarters, or as they
-    /// are where pictures will be fitted.
+    /// Colours that run softly, unless colours are to stay: in a shell cut into quarters, or as
+    /// they are where pictures will be fitted.
     fn smooth_shell(&self, mut shell: Mesh, scene: &Mesh, has_pictures: bool) -> Mesh {
         // A panorama has the shape of the shell only.
         let scene_faces = scene.face_count() + self.budget.input_backdrop;

@@ -9,7 +9,7 @@ use trisplat_scene::parallel::{self, GRAIN};
 pub(super) const MAX_RESIDUAL: f32 = 0.15;
 /// Mean residual of a channel at 0, in [`MAX_RESIDUAL`], from which the colour is wrong and not
 /// the photos: most of them are that far from it. A training may have clamped it there.
-const WRONG: f32 = 0.75;
+const MIN_WRONG_RESIDUAL: f32 = 0.75;
 /// Weight of the present colours, in pixels (damping).
 const DAMPING_PX: f32 = 0.25;
 /// A smaller area is a rounding error of photos that were subtracted again, px.
@@ -107,7 +107,7 @@ impl Equations {
         let area = self.area();
         let mean = (corners[0] + corners[1] + corners[2]) / 3.0;
         let sum = self.right[0][channel] + self.right[1][channel] + self.right[2][channel];
-        if corners == [0.0; 3] && sum > WRONG * MAX_RESIDUAL * area.max(MIN_PX) {
+        if corners == [0.0; 3] && sum > MIN_WRONG_RESIDUAL * MAX_RESIDUAL * area.max(MIN_PX) {
             return [(sum + self.beyond[channel]) / (area.max(0.0) + DAMPING_PX); 3];
         }
         if which != RefitColors::Corner {
@@ -224,12 +224,12 @@ impl ColorFit {
         &self.encoded[first..]
     }
 
-    /// Gives the channels of `mesh` that are 0 on a whole face before `behind` what photos show
-    /// there, where this is farther than the residuals of good colours. A soft training may have
-    /// clamped them, and then held them at 0. Returns the number of such faces.
-    pub(super) fn revive(&self, mesh: &mut Mesh, behind: usize) -> u64 {
+    /// Gives the channels of `mesh` that are 0 on a whole face before `scene_faces` what photos
+    /// show there, where this is farther than the residuals of good colours. A soft training may
+    /// have clamped them, and then held them at 0. Returns the number of such faces.
+    pub(super) fn revive(&self, mesh: &mut Mesh, scene_faces: usize) -> u64 {
         let mut revived = 0;
-        for (face, sums) in self.sums[..behind].iter().enumerate() {
+        for (face, sums) in self.sums[..scene_faces].iter().enumerate() {
             if sums.area() < MIN_REVIVED_PX {
                 continue;
             }

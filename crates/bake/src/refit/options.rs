@@ -1,12 +1,12 @@
 //! Options of fitted colours.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_scene::Result;
 use trisplat_scene::ranges::{self, OptionNaming};
 
 /// Colours to fit.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum RefitColors {
     /// Whichever is best on held-out photos: one colour per triangle, three, or the scene's own
@@ -20,7 +20,7 @@ pub enum RefitColors {
 }
 
 /// Options of colours from the photos.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RefitOptions {
     /// Colours to fit to the photos

@@ -27,18 +27,18 @@ const FLATNESS_PX: f64 = 3.0;
 const DAMPING_PX: f64 = 1e-3;
 /// Weight of a triangle's own colour without photos, in pixels: enough to keep its mean, too little
 /// to keep its edges.
-const TRUSTED_PX: f64 = 300.0;
+const OWN_COLOR_PX: f64 = 300.0;
 /// Maximum number of steps of conjugate gradients; the residual falls to a thousandth long before.
 const STEPS: usize = 400;
 const RESIDUAL: f64 = 1e-4;
 
-/// Gives the backdrop of `mesh`, its faces from `behind` on, the colours that are best for all of
-/// them together; `fit` holds the sums of the photos.
-pub(super) fn paint(mesh: &mut Mesh, behind: usize, fit: &ColorFit) {
-    if behind < mesh.face_count() {
-        let solved = solve(mesh, behind, fit.sums(behind), fit.encoded(behind));
+/// Gives the backdrop of `mesh`, its faces from `scene_faces` on, the colours that are best for all
+/// of them together; `fit` holds the sums of the photos.
+pub(super) fn paint(mesh: &mut Mesh, scene_faces: usize, fit: &ColorFit) {
+    if scene_faces < mesh.face_count() {
+        let solved = solve(mesh, scene_faces, fit.sums(scene_faces), fit.encoded(scene_faces));
         let corners = solved.iter().flatten().map(|corner| corner.map(linear_from_srgb));
-        for (color, solved) in mesh.vertex_colors()[3 * behind..].iter_mut().zip(corners) {
+        for (color, solved) in mesh.vertex_colors()[3 * scene_faces..].iter_mut().zip(corners) {
             *color = solved;
         }
     }
@@ -100,7 +100,7 @@ impl System {
     /// The seamless colours of a backdrop without photos.
     fn smoothed(&mut self, encoded: &[[[f32; 3]; 3]]) -> CornerColors {
         // The mean over a triangle of the products of its barycentric weights.
-        let [own, other] = [TRUSTED_PX / 6.0, TRUSTED_PX / 12.0];
+        let [own, other] = [OWN_COLOR_PX / 6.0, OWN_COLOR_PX / 12.0];
         self.matrices = vec![[own, other, other, own, other, own]; encoded.len()];
         self.improved(encoded, |_, _, _| 0.0)
     }

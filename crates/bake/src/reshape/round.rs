@@ -195,25 +195,25 @@ impl PictureSums<'_> {
 const ROUND_VIEWS: u64 = 48;
 /// Longest side of the pictures, px: finer detail is not fitted.
 const LONGEST_SIDE: u32 = 960;
-/// The same for scenes of few triangles, ...
+/// Longest side of the pictures for scenes of few triangles, px.
 const SHORTEST_SIDE: u32 = 128;
-/// ... which need this many pixels per triangle.
+/// Pixels per triangle that such scenes need.
 const PIXELS_PER_FACE: f64 = 16.0;
-/// With fewer pictures, triangles would be fitted to only a few views.
-const FEWEST_VIEWS: u64 = 12;
-/// Large scenes get fewer rounds than this, even if more are requested.
-const USUAL_ROUNDS: u32 = 16;
-/// With fewer, nothing would be gained.
-const FEWEST_ROUNDS: u32 = 4;
+/// Minimum number of pictures: with fewer, triangles would be fitted to single views.
+const MIN_VIEWS: u64 = 12;
+/// Number of rounds that large scenes stay below, even if more are requested.
+const MAX_LARGE_SCENE_ROUNDS: u32 = 16;
+/// Minimum number of rounds: fewer gain nothing.
+const MIN_ROUNDS: u32 = 4;
 /// Its multiples, less their whole part, never come close to an earlier one.
 const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
-/// Maximum number of triangles and samples drawn per round, on average. With a quarter, scenes of 360,000
-/// triangles were fitted to too few pictures to gain anything.
+/// Maximum number of triangles and samples drawn per round, on average. With a quarter, scenes of
+/// 360,000 triangles were fitted to too few pictures to gain anything.
 const MAX_DRAWN_PER_ROUND: u64 = 50_000_000;
-/// Triangles are cut once per this many rounds, ...
+/// Number of rounds between cuts of triangles.
 const CUT_EVERY: u32 = 3;
-/// ... but only within this first share of the rounds, because the halves must still move.
-const CUT_UNTIL: f64 = 0.8;
+/// Share of the rounds, the first ones, with cuts: the halves must still move.
+const CUT_ROUNDS_SHARE: f64 = 0.8;
 
 /// The number of rounds, and the pictures of each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -237,10 +237,10 @@ impl RoundEffort {
         let pixels = (cameras.iter().map(pixels).sum::<u64>() / views.max(1)).max(1);
         // Every face twice, as it is and moved.
         let per_view = 2 * faces + pixels;
-        let pictures = (MAX_DRAWN_PER_ROUND / per_view).clamp(FEWEST_VIEWS, ROUND_VIEWS).min(views);
-        let affordable = MAX_DRAWN_PER_ROUND * u64::from(rounds.max(USUAL_ROUNDS))
+        let pictures = (MAX_DRAWN_PER_ROUND / per_view).clamp(MIN_VIEWS, ROUND_VIEWS).min(views);
+        let affordable = MAX_DRAWN_PER_ROUND * u64::from(rounds.max(MAX_LARGE_SCENE_ROUNDS))
             / (pictures.max(1) * per_view);
-        let affordable = u32::try_from(affordable).unwrap_or(u32::MAX).max(FEWEST_ROUNDS);
+        let affordable = u32::try_from(affordable).unwrap_or(u32::MAX).max(MIN_ROUNDS);
         Self { rounds: affordable.min(rounds), pictures: pictures as usize, side }
     }
 
@@ -254,7 +254,8 @@ impl RoundEffort {
 
     /// True if triangles are cut after this round.
     pub(super) fn cuts(self, round: u32) -> bool {
-        round.is_multiple_of(CUT_EVERY) && f64::from(round) < CUT_UNTIL * f64::from(self.rounds)
+        round.is_multiple_of(CUT_EVERY)
+            && f64::from(round) < CUT_ROUNDS_SHARE * f64::from(self.rounds)
     }
 }
 
@@ -285,11 +286,8 @@ mod tests {
         );
         assert_eq!(effort(1_000_000, 96, 360), plan(16, 23, 960));
         let larger = effort(5_000_000, 96, 360);
-        assert!(
-            larger.pictures == 12 && (FEWEST_ROUNDS..16).contains(&larger.rounds),
-            "{larger:?}"
-        );
-        assert_eq!(effort(50_000_000, 96, 360), plan(FEWEST_ROUNDS, 12, 960));
+        assert!(larger.pictures == 12 && (MIN_ROUNDS..16).contains(&larger.rounds), "{larger:?}");
+        assert_eq!(effort(50_000_000, 96, 360), plan(MIN_ROUNDS, 12, 960));
         assert_eq!(effort(1, 1, 1), plan(16, 1, 128));
     }
 

@@ -11,6 +11,8 @@
 use super::closed_surface::{MAX_SUBDIVISIONS, MIN_COVERED, RADIUS_FACTOR, closed_surface};
 use crate::budget::TriangleBudget;
 use crate::views::Views;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::Result;
 use trisplat_scene::math::color::linear_from_srgb;
@@ -26,9 +28,7 @@ const MIN_HOLES: f64 = 0.001;
 const SCENE_PER_BACKDROP: usize = 20;
 
 /// Condition for a backdrop.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum BackdropWhen {
@@ -45,7 +45,7 @@ pub enum BackdropWhen {
 }
 
 /// The backdrop of the scene.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct BackdropOptions {
@@ -72,9 +72,7 @@ impl BackdropOptions {
 trisplat_scene::default!(BackdropOptions);
 
 /// Measurements of holes.
-#[derive(
-    Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BackdropDetails {
     /// Share of the photos' pixels without a triangle; absent when photos were not searched.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -14,7 +14,7 @@ use trisplat_scene::mesh::{Colors, Mesh};
 /// Rounds in which each distance is drawn towards its neighbours'.
 const ROUNDS: usize = 200;
 /// Weight of the shell's distance in a direction, against that of one neighbour's.
-const OF_SHELL: f32 = 6.0;
+const SHELL_WEIGHT: f32 = 6.0;
 
 /// The direction of a place of the picture: (0, 0) is its upper left corner, (1, 1) its lower right
 /// one. The first column is -X, a quarter of the way is -Z, the middle is +X, as three.js has it.
@@ -77,8 +77,8 @@ fn farthest(shell: &Mesh, center: Vec3, way: Vec3) -> Option<f32> {
     hits.reduce(f32::max)
 }
 
-/// The distance of each corner of a sphere: about `known` where it is, else between its
-/// neighbours'. `[V]`
+/// The distance of each corner of a sphere: about `shell_distance` where that is known, else
+/// between its neighbours'. `[V]`
 fn distances(
     corners: &[Vec3],
     faces: &[[u32; 3]],
@@ -94,7 +94,9 @@ fn distances(
     for _ in 0..ROUNDS {
         let mut sums: Vec<[f32; 2]> = shell_distance
             .iter()
-            .map(|shell_distance| shell_distance.map_or([0.0; 2], |log| [OF_SHELL * log, OF_SHELL]))
+            .map(|shell_distance| {
+                shell_distance.map_or([0.0; 2], |log| [SHELL_WEIGHT * log, SHELL_WEIGHT])
+            })
             .collect();
         for face in faces {
             for k in 0..3 {

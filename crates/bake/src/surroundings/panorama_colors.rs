@@ -13,10 +13,10 @@ use trisplat_scene::{Result, parallel};
 /// Pixels with less than this weight, of 255, are not taken: masked, or with gaps in a drawn
 /// picture.
 const MIN_ALPHA: u8 = 230;
-/// Photos agree when no channel is farther than this from the median, codes.
-const AGREE: i32 = 80;
+/// Maximum distance of a channel from the median among photos that agree, codes.
+const MAX_CODE_DIFFERENCE: i32 = 80;
 /// Weight of each photo that agrees, against the pull of a neighbouring texel.
-const TRUSTED: f32 = 0.1;
+const PHOTO_WEIGHT: f32 = 0.1;
 
 /// Colours of a picture with twice as many columns as rows.
 #[derive(Debug, Clone)]
@@ -24,7 +24,7 @@ pub(super) struct PanoramaColors {
     pub(super) rows: usize,
     /// sRGB-encoded, 0 to 255. `[H * W]`
     pub(super) values: Vec<[f32; 3]>,
-    /// 0 where nothing is known. `[H * W]`
+    /// 0 for texels without a colour. `[H * W]`
     pub(super) weights: Vec<f32>,
 }
 
@@ -34,14 +34,14 @@ impl PanoramaColors {
         Self { rows, values: vec![[0.0; 3]; texels], weights: vec![0.0; texels] }
     }
 
-    /// Colours of the faces of `mesh` from `behind` on in `views`; their corners are at `uvs`.
+    /// Colours of the faces of `mesh` from `scene_faces` on in `views`; their corners are at `uvs`.
     ///
     /// # Errors
     ///
     /// A photo that cannot be decoded.
     pub(super) fn of_photos(
         mesh: &Mesh,
-        behind: usize,
+        scene_faces: usize,
         uvs: &[[Vec2; 3]],
         rows: usize,
         views: &mut Views,
@@ -56,7 +56,7 @@ impl PanoramaColors {
             let visible = solid.visibility(mesh, camera, &drawing);
             let visible_photo = VisiblePhoto {
                 mesh,
-                behind,
+                scene_faces,
                 uvs,
                 rows,
                 camera,
@@ -70,8 +70,8 @@ impl PanoramaColors {
         for of_texel in samples.chunk_by(|a, b| texel(*a) == texel(*b)) {
             let inner: Vec<[u8; 3]> =
                 of_texel.iter().filter(|one| !is_rim(**one)).map(|one| rgb(*one)).collect();
-            // Pixels beside the scene show some of it, or what stands in a hole: only where there
-            // are no others.
+            // Pixels beside the scene show some of it, or things in a hole: only where there are no
+            // others.
             let colors = if inner.is_empty() {
                 of_texel.iter().map(|one| rgb(*one)).collect()
             } else {
@@ -80,12 +80,12 @@ impl PanoramaColors {
             let (value, count) = agreed(&colors);
             let at = texel(of_texel[0]);
             colors_of_texels.values[at] = value;
-            colors_of_texels.weights[at] = TRUSTED * count;
+            colors_of_texels.weights[at] = PHOTO_WEIGHT * count;
         }
         Ok(colors_of_texels)
     }
 
-    /// Adds colours with a small weight where nothing is known. `[H * W]`
+    /// Gives texels without a colour those of `picture`, with a small weight.
     pub(super) fn add(&mut self, picture: &RgbImage, weight: f32) {
         for (i, rgb) in picture
             .rgb
@@ -139,7 +139,7 @@ fn agreed(colors: &[[u8; 3]]) -> ([f32; 3], f32) {
     let mut sum = [0.0f32; 3];
     let mut count = 0.0f32;
     for color in colors {
-        if (0..3).all(|c| (i32::from(color[c]) - middle[c]).abs() <= AGREE) {
+        if (0..3).all(|c| (i32::from(color[c]) - middle[c]).abs() <= MAX_CODE_DIFFERENCE) {
             for channel in 0..3 {
                 sum[channel] += f32::from(color[channel]);
             }
@@ -174,10 +174,10 @@ fn rgb(packed: u64) -> [u8; 3] {
     [16, 8, 0].map(|shift| (packed >> shift) as u8)
 }
 
-/// A photo and what is visible in it.
+/// A photo and its visible faces.
 struct VisiblePhoto<'a> {
     mesh: &'a Mesh,
-    behind: usize,
+    scene_faces: usize,
     uvs: &'a [[Vec2; 3]],
     rows: usize,
     camera: &'a Camera,
@@ -213,7 +213,7 @@ impl VisiblePhoto<'_> {
             let pixel = (y * width + x) as usize;
             let face = self.face[pixel];
             let masked = self.photo.alpha.as_ref().is_some_and(|alpha| alpha[pixel] < MIN_ALPHA);
-            if face == NO_FACE || (face as usize) < self.behind || masked {
+            if face == NO_FACE || (face as usize) < self.scene_faces || masked {
                 continue;
             }
             if last.0 != face {
@@ -221,7 +221,7 @@ impl VisiblePhoto<'_> {
             }
             let Some(of_face) = &last.1 else { continue };
             let weights = barycentrics.weights(of_face, x, y);
-            let uvs = &self.uvs[face as usize - self.behind];
+            let uvs = &self.uvs[face as usize - self.scene_faces];
             let place = uvs[0] * weights[0] + uvs[1] * weights[1] + uvs[2] * weights[2];
             let [column, row] =
                 [place.x * columns as f32, place.y * self.rows as f32].map(|at| at as usize);
@@ -234,7 +234,8 @@ impl VisiblePhoto<'_> {
     /// True if a pixel beside this one shows the scene.
     fn is_rim(&self, x: u32, y: u32) -> bool {
         let size = self.photo.size;
-        let shows = |x: u32, y: u32| (self.face[(y * size.x + x) as usize] as usize) < self.behind;
+        let shows =
+            |x: u32, y: u32| (self.face[(y * size.x + x) as usize] as usize) < self.scene_faces;
         let left = x.saturating_sub(1);
         let right = (x + 1).min(size.x - 1);
         let above = y.saturating_sub(1);
@@ -243,15 +244,15 @@ impl VisiblePhoto<'_> {
     }
 }
 
-// ---- Directions that nobody looked at -----------------------------------------------------------
+// ---- Directions that no photo shows -----------------------------------------------------------
 
 /// Rounds at each size.
 const ROUNDS: usize = 16;
 /// Rows of the coarsest picture.
 const MIN_ROWS: usize = 8;
 
-/// The whole picture, sRGB-encoded, 0 to 255. `known` has twice as many columns as rows, a power of
-/// two. `[H * W]`
+/// The whole picture, sRGB-encoded, 0 to 255. `colors` have twice as many columns as rows, a power
+/// of two. `[H * W]`
 pub(super) fn fill(colors: PanoramaColors) -> Vec<[f32; 3]> {
     let mut sizes = vec![colors];
     while let Some(finest) = sizes.last().filter(|colors| colors.rows > MIN_ROWS) {

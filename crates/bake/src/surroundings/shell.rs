@@ -23,8 +23,8 @@ use trisplat_scene::mesh::{Colors, Mesh};
 const MAX_QUARTERS: usize = 8192;
 /// Minimum triangles of the scene for each triangle of a cut shell.
 const SCENE_PER_QUARTER: usize = 2;
-/// Radius of a surface of few, large triangles, as a multiple of the scene's: the middles of triangles
-/// are nearer than their corners.
+/// Radius of a surface of few, large triangles, as a multiple of the scene's: the middles of
+/// triangles are nearer than their corners.
 const RADIUS_FACTOR: f32 = 1.25;
 
 /// Flags the far shell of a soup whose file has no flags.
@@ -95,8 +95,8 @@ pub(crate) fn middle(shell: &Mesh, cameras: &[Camera]) -> Vec3 {
     }
 }
 
-/// Surroundings of at most `max_faces` triangles around a scene with these corners: a closed surface
-/// of fewer, larger ones. Empty where so few close nothing.
+/// Surroundings of at most `max_faces` triangles around a scene with these corners: a closed
+/// surface of fewer, larger ones. Empty where so few close nothing.
 pub(crate) fn simplified_shell(
     shell: &Mesh,
     corners: impl Iterator<Item = Vec3>,
@@ -108,9 +108,9 @@ pub(crate) fn simplified_shell(
     close_surface(shell, center, RADIUS_FACTOR * reach, max_faces).unwrap_or_default()
 }
 
-/// Faces of the shell in `mesh` that stay even if unseen, because a shell with holes closes nothing.
-/// All of them, unless the mesh exceeds `budget` and the shell more than its part of it: small
-/// budgets are spent on visible triangles. `[F]`, or empty for none.
+/// Faces of the shell in `mesh` that stay even if unseen, because a shell with holes closes
+/// nothing. All of them, unless the mesh exceeds `budget` and the shell more than its part of it:
+/// small budgets are spent on visible triangles. `[F]`, or empty for none.
 pub(crate) fn protected_faces(mesh: &Mesh, budget: &TriangleBudget) -> Vec<bool> {
     let shell_faces = mesh.shell.iter().filter(|is_shell| **is_shell).count();
     let limit = budget.surroundings_among(mesh.face_count());

@@ -1,7 +1,7 @@
 //! The surroundings as a panorama for the sky of an engine, in place of a backdrop.
 //!
 //! A smooth `surface` stands where the shell of a training is, or behind everything. Its picture
-//! has the colours that photos agree on (`known`), and continues them where nobody looked (`fill`).
+//! has the colours that photos agree on (`panorama_colors`), continued where no photo looks.
 //! Without photos or pictures of a soft scene it has the shell's colours, blurred.
 
 use super::closed_surface::{
@@ -23,16 +23,16 @@ use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Asset, Placement, Result, SurroundingsStorage};
 
 /// Subdivisions of the octahedron without a shell: a sphere.
-const OF_SPHERE: u32 = 4;
+const SPHERE_SUBDIVISIONS: u32 = 4;
 /// Texels per pixel of the photos: surroundings are out of focus.
 const TEXELS_PER_PIXEL: f64 = 0.5;
 /// Minimum and maximum rows of the picture.
 const ROWS: [u32; 2] = [256, 1024];
 /// Radius by which a shell's own colours are blurred where no picture looks, in heights of the
 /// picture: large enough to hide its facets.
-const BLUR: f32 = 0.1;
+const BLUR_RADIUS: f32 = 0.1;
 
-/// The panorama of a bake that is asked for one, in the frame of the cameras.
+/// The panorama in place of a backdrop, in the frame of the cameras.
 #[derive(Default)]
 pub(crate) struct Sky(Option<RgbImage>);
 
@@ -66,7 +66,7 @@ fn photo_panorama(mesh: &Mesh, shell: Option<&Mesh>, views: &mut Views) -> Resul
         radius = mesh.positions.iter().map(|v| v.distance(center)).fold(radius, f32::max);
     }
     let (surface, uvs) = closed_surface(center, subdivisions(shell), shell, RADIUS_FACTOR * radius);
-    // Neither colours nor textures matter to what is visible.
+    // Visibility depends on neither colours nor textures.
     let mut all = Mesh { shell: Vec::new(), texture: None, ..mesh.clone() };
     all.append(surface)?;
     let rows = rows(views);
@@ -92,7 +92,7 @@ fn shell_panorama(shell: &Mesh, cameras: &[Camera]) -> RgbImage {
 
 /// The weight of a shell's own colours, against the pull of a neighbouring texel.
 fn shell_weight(rows: u32) -> f32 {
-    (BLUR * rows as f32).powi(-2)
+    (BLUR_RADIUS * rows as f32).powi(-2)
 }
 
 fn filled(colors: PanoramaColors) -> RgbImage {
@@ -106,7 +106,7 @@ fn subdivisions(shell: Option<&Mesh>) -> u32 {
     let fits = |shell: &Mesh| {
         (1..=MAX_SUBDIVISIONS).rev().find(|s| face_count(*s) <= shell.face_count() as u64)
     };
-    shell.map_or(OF_SPHERE, |shell| fits(shell).unwrap_or(1))
+    shell.map_or(SPHERE_SUBDIVISIONS, |shell| fits(shell).unwrap_or(1))
 }
 
 /// Rows of a picture that suits the photos.

@@ -11,8 +11,8 @@
 //! A . . B B B B
 //! ```
 //!
-//! Rectangles stand on shelves, high ones first, those of one size sorted by colour: what coarse
-//! mip levels mix is alike.
+//! Rectangles stand on shelves, high ones first, those of one size sorted by colour, so that
+//! coarse mip levels mix similar colours.
 
 use super::options::TextureOptions;
 use crate::views::Views;
@@ -30,8 +30,8 @@ const MAX_SIDE: u32 = 1024;
 /// Free texels around every triangle with more than one, so that the next mip level does not bleed
 /// either; an even number keeps its texels whole.
 const GUTTER: u32 = 2;
-/// Fewer texels per pixel are tried where all do not fit, each time this many times as many.
-const FEWER: f64 = 0.9;
+/// Ratio of successive densities that are tried where the texels do not fit.
+const DENSITY_STEP: f64 = 0.9;
 
 /// The texels of a triangle: texel (i, j) is at `corner` + i, j, or of a turned one at `corner` -
 /// i, j.
@@ -177,7 +177,7 @@ impl Atlas {
                     format!("a texture with a texel for each of {} triangles", atlas.patches.len());
                 return Err(Error::invalid("texture_size", options.texture_size, wants));
             }
-            texels_per_pixel *= FEWER;
+            texels_per_pixel *= DENSITY_STEP;
         }
     }
 
@@ -289,8 +289,8 @@ pub(super) trait Layout: Sync {
     /// Number of faces.
     fn face_count(&self) -> usize;
 
-    /// Position of a point of a face with these weights of its corners, in texels from the middle of
-    /// the first texel.
+    /// Position of a point of a face with these weights of its corners, in texels from the middle
+    /// of the first texel.
     fn place(&self, face: usize, weights: &[f32; 3]) -> Vec2;
 
     /// 1 along the axes between whose texels a face is interpolated, else 0.
@@ -318,8 +318,8 @@ pub(super) trait Layout: Sync {
         ]
     }
 
-    /// Texture coordinates of the corners of every face: (0, 0) is the upper left corner, (1, 1) the
-    /// lower right one. `[F]`
+    /// Texture coordinates of the corners of every face: (0, 0) is the upper left corner, (1, 1)
+    /// the lower right one. `[F]`
     fn uvs(&self) -> Vec<[Vec2; 3]> {
         let per = Vec2::ONE / self.size().as_vec2();
         let corner = |face: usize, k: usize| {
@@ -331,11 +331,11 @@ pub(super) trait Layout: Sync {
     }
 }
 
-// ---- How large triangles appear in the photos that see them -------------------------------------
+// ---- Size of triangles in the photos that see them ----------------------------------------------
 
-/// Longer side of the pictures that say which triangles each photo sees, px. Triangles with less
-/// than a pixel there hardly need texels.
-const LONGEST: u32 = 1280;
+/// Longer side of the pictures that decide visibility, px. Triangles with less than a pixel there
+/// hardly need texels.
+const LONGEST_SIDE: u32 = 1280;
 
 /// The mean length of every face's three edges in the photos that see it, px: from corner 0 to 1, 1
 /// to 2, 2 to 0. Zeros where no photo does. `[F]`
@@ -347,7 +347,7 @@ pub(super) fn footprints(mesh: &Mesh, views: &Views) -> Vec<[f32; 3]> {
     let mut seen = vec![false; mesh.face_count()];
     for camera in views.cameras() {
         seen.fill(false);
-        let visible = solid.visibility(mesh, &camera.fit_within(LONGEST), &drawing);
+        let visible = solid.visibility(mesh, &camera.fit_within(LONGEST_SIDE), &drawing);
         for face in visible.face.iter().filter(|face| **face != NO_FACE) {
             seen[*face as usize] = true;
         }

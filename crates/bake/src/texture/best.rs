@@ -2,7 +2,7 @@
 //! same one as its neighbours.
 //!
 //! ```text
-//! min over labels l   Σ_faces D_f(l_f) + SEAM Σ_neighbours [l_f ≠ l_g]      D_f(v) = 1 - q_fv / max_v q_fv + |c_fv - mean c_f| / OTHER
+//! min over labels l   Σ_faces D_f(l_f) + SEAM_COST Σ_neighbours [l_f ≠ l_g]      D_f(v) = 1 - q_fv / max_v q_fv + |c_fv - mean c_f| / MAX_COLOR_DIFFERENCE
 //! ```
 //!
 //! q is the sum of the brightness gradients of the pixels that show the face (Gal et al. 2010), c
@@ -20,9 +20,9 @@ use trisplat_scene::parallel::{self, GRAIN};
 /// Number of photos that a face chooses from.
 const CANDIDATES: usize = 6;
 /// Cost of another photo beside a face.
-const SEAM: f32 = 0.4;
+const SEAM_COST: f32 = 0.4;
 /// A difference from the mean colour that costs as much as having no quality, sRGB codes.
-const OTHER: f32 = 48.0;
+const MAX_COLOR_DIFFERENCE: f32 = 48.0;
 /// The brightness gradient that every pixel has at least, codes: of even surfaces the largest
 /// picture is the best one.
 const MIN_GRADIENT: u64 = 2;
@@ -111,7 +111,7 @@ impl PhotoCandidates {
                     .map(|c| (candidate.color[c] - sums[c] / sums[3]).powi(2))
                     .sum::<f32>()
                     .sqrt();
-                1.0 - candidate.quality / candidates[0].quality + away / OTHER
+                1.0 - candidate.quality / candidates[0].quality + away / MAX_COLOR_DIFFERENCE
             })
         };
         self.of_face.iter().zip(&self.sums).map(cost).collect()
@@ -272,7 +272,7 @@ fn propagated(
                         return 0.0;
                     }
                     let same = (0..CANDIDATES).find(|l| of_face[face][*l].view == candidate.view);
-                    same.map_or(SEAM, |l| (without[l] - least).min(SEAM))
+                    same.map_or(SEAM_COST, |l| (without[l] - least).min(SEAM_COST))
                 })
             })
         };

@@ -1,4 +1,4 @@
-//! Texels from what photos show more than the mesh.
+//! Texels from the differences of photos from the mesh.
 //!
 //! ```text
 //! t = t0 + Σ_pixels b (photo - drawn) / (Σ_pixels b + λ),   drawn = Σ_k b_k t0_k
@@ -43,7 +43,7 @@ pub(super) struct Texels {
 
 /// Pixels to add.
 pub(super) enum PixelSelection<'a> {
-    /// All, and photos become candidates for what they show best.
+    /// All; photos become candidates for the faces that they show best.
     All(&'a mut PhotoCandidates),
     /// Of every face those of its best photo.
     Best(&'a BestPhotos),
@@ -79,7 +79,7 @@ impl Texels {
         self.owned.iter().filter(|owned| **owned).count() as u64
     }
 
-    /// Adds what the photos `chosen` show to the sums.
+    /// Adds the photos `chosen` to the sums.
     ///
     /// # Errors
     ///
@@ -145,7 +145,7 @@ impl Texels {
         Page { size: self.size, owned: self.owned.clone(), values: self.solved(flatness) }.picture()
     }
 
-    /// Makes what explains the photos added what texels are, and forgets the photos.
+    /// Sets the texels to the values that fit the photos added, and forgets the photos.
     pub(super) fn settle(&mut self, flatness: f32) {
         self.values = self.solved(flatness);
         self.forget();
@@ -202,7 +202,7 @@ impl Texels {
     }
 }
 
-/// A photo and what it sees.
+/// A photo and its visible faces.
 struct TexelObservation<'a, L> {
     texels: &'a Texels,
     layout: &'a L,
@@ -240,7 +240,7 @@ impl<L: Layout> TexelObservation<'_, L> {
         }
     }
 
-    /// Adds what a photo shows at a place more than the texels around it do.
+    /// Adds the difference of a photo from the texels around a place.
     fn add(&self, face: usize, place: Vec2, photo: [u8; 3], counts: f32) {
         let four = self.layout.around(face, place);
         let residual = [0, 1, 2].map(|c| {
