@@ -74,7 +74,7 @@ impl SolidRasterOptions {
         }
         let samples = u64::from(size.max_element()) * u64::from(self.samples);
         if samples > u64::from(MAX_SAMPLES) {
-            let wants = format!("a picture of at samples {} px a side", MAX_SAMPLES / self.samples);
+            let wants = format!("a picture of at most {} px a side", MAX_SAMPLES / self.samples);
             return Err(Error::invalid("samples", format!("{} on {size} px", self.samples), wants));
         }
         Ok(())
