@@ -50,7 +50,9 @@ pub fn run(args: &CaptureArgs, global: &GlobalArgs, inputs: &Inputs) -> Result<E
     let verdict = job.run(&mut report, &mut |event| terminal.tell_stage(event.into()))?;
     let progress = &terminal.done();
     report.seconds = clock.elapsed().as_secs_f64();
-    report.warnings.iter().for_each(|warning| progress.warn(warning));
+    for warning in &report.warnings {
+        progress.warn(warning);
+    }
     let folder = args.output.display();
     let Some(verdict) = verdict else {
         progress.line("stopped; the same command goes on from here");
@@ -66,5 +68,7 @@ pub fn run(args: &CaptureArgs, global: &GlobalArgs, inputs: &Inputs) -> Result<E
 
 /// Prints what to do about a capture.
 pub(super) fn advise(verdict: &VerdictDetails, progress: &Progress) {
-    verdict.advice.iter().for_each(|advice| progress.line(&format!("           {advice}")));
+    for advice in &verdict.advice {
+        progress.line(&format!("           {advice}"));
+    }
 }

@@ -52,7 +52,9 @@ impl Inputs {
                 _ => self.paths.extend(paths.cloned()),
             }
         }
-        matches.subcommand().iter().for_each(|(_, inner)| self.add(inner));
+        if let Some((_, inner)) = matches.subcommand() {
+            self.add(inner);
+        }
     }
 
     /// Every file that is read.

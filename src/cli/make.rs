@@ -157,8 +157,12 @@ fn guard(args: &MakeArgs, inputs: &Inputs, page: &Path, job: &MakeJob) -> Result
 
 /// The result, and the next step.
 fn say(done: &MakeDone, args: &MakeArgs, work: &str, progress: &Progress) {
-    done.report.warnings.iter().for_each(|warning| progress.warn(warning));
-    done.verdict.iter().for_each(|verdict| advise(verdict, progress));
+    for warning in &done.report.warnings {
+        progress.warn(warning);
+    }
+    if let Some(verdict) = &done.verdict {
+        advise(verdict, progress);
+    }
     if done.stopped {
         progress.line(&format!("stopped; the same command goes on from {work}"));
         return;
@@ -172,10 +176,14 @@ fn say(done: &MakeDone, args: &MakeArgs, work: &str, progress: &Progress) {
         ));
     }
     if let Some(details) = done.report.details::<TrainDetails>() {
-        verdict(&details, done, args).iter().for_each(|line| progress.line(line));
+        for line in verdict(&details, done, args) {
+            progress.line(&line);
+        }
     }
     let pages = done.report.outputs.iter().filter(|file| file.path.ends_with(".html"));
-    pages.for_each(|page| progress.line(&format!("open {} in a browser", page.path)));
+    for page in pages {
+        progress.line(&format!("open {} in a browser", page.path));
+    }
 }
 
 /// Purpose of a file, if there are two of a kind.

@@ -102,7 +102,9 @@ pub fn run(
     report.seconds = clock.elapsed().as_secs_f64();
 
     let progress = terminal.done();
-    report.warnings.iter().for_each(|warning| progress.warn(warning));
+    for warning in &report.warnings {
+        progress.warn(warning);
+    }
     progress.wrote(&report);
     outputs.save_report(args.report.as_deref(), &report).map(|()| ExitCode::SUCCESS)
 }

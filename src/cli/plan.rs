@@ -131,7 +131,9 @@ fn make(
     files.recheck()?;
     manifest.write(file)?;
     if !global.quiet {
-        dataset.warnings.iter().for_each(|warning| messages::print(&format!("warning: {warning}")));
+        for warning in &dataset.warnings {
+            messages::print(&format!("warning: {warning}"));
+        }
         let asked = args
             .plan
             .blocks

@@ -53,7 +53,9 @@ impl Lines {
 
     /// Removes the bar.
     pub(super) fn clear(&self) {
-        self.bar.iter().for_each(ProgressBar::finish_and_clear);
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
     }
 }
 
@@ -124,8 +126,12 @@ impl Progress {
 
     /// Names the card that draws soft pictures, if any, and prints a note.
     pub fn drawing_on(&self, card: Option<&str>, warnings: &[String]) {
-        card.iter().for_each(|card| self.line(&format!("drawing soft pictures on {card}")));
-        warnings.iter().for_each(|warning| self.warn(warning));
+        if let Some(card) = card {
+            self.line(&format!("drawing soft pictures on {card}"));
+        }
+        for warning in warnings {
+            self.warn(warning);
+        }
     }
 
     /// Shows the present activity beside the spinner.

@@ -142,7 +142,9 @@ impl<'a> Terminal<'a> {
                 if begins.card.is_some() {
                     bar.rate_from = Some(done);
                 }
-                begins.plan.iter().for_each(|plan| bar.line(plan));
+                if let Some(plan) = &begins.plan {
+                    bar.line(plan);
+                }
                 if done > 0 {
                     bar.line(&format!("the training goes on after {done} of {steps} steps"));
                 }

@@ -245,7 +245,9 @@ impl TrainTerminal<'_, '_> {
             // The run has the scene in memory.
             Err(error) => {
                 let retrained = "the training continues; a resumed one trains its teacher again";
-                self.terminal.bar.iter_mut().for_each(|bar| bar.note_lost(&error, retrained));
+                if let Some(bar) = &mut self.terminal.bar {
+                    bar.note_lost(&error, retrained);
+                }
             }
         }
     }
@@ -356,8 +358,12 @@ fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &TrainOutputs) -> Re
     let read = teacher.as_ref().and_then(TeacherPlan::input);
     let trains = teacher == Some(TeacherPlan::Train);
     let mut files = Outputs::new(inputs, args.force);
-    read.into_iter().for_each(|path| files.add_input(path));
-    args.resume.iter().for_each(|path| files.add_resumed(path));
+    if let Some(path) = read {
+        files.add_input(path);
+    }
+    if let Some(path) = &args.resume {
+        files.add_resumed(path);
+    }
     files.reserve("--output", out)?;
     if trains {
         files.reserve("--teacher", &teacher_file)?;

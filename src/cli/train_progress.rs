@@ -47,7 +47,9 @@ impl Bar {
         let lines = Lines::new(global, || {
             let bar = ProgressBar::new(steps).with_position(done);
             let style = ProgressStyle::with_template("{bar:30} {pos}/{len}  {msg}  {eta} left");
-            style.into_iter().for_each(|style| bar.set_style(style));
+            if let Ok(style) = style {
+                bar.set_style(style);
+            }
             bar
         });
         let log = log.map(|path| open_log(path, before)).transpose()?;
@@ -74,8 +76,12 @@ impl Bar {
 
     /// Names the card, and prints the notes on the start.
     pub fn begun<'a>(&self, card: Option<&str>, warnings: impl IntoIterator<Item = &'a String>) {
-        card.iter().for_each(|card| self.line(&format!("training on {card}")));
-        warnings.into_iter().for_each(|warning| self.line(&format!("warning: {warning}")));
+        if let Some(card) = card {
+            self.line(&format!("training on {card}"));
+        }
+        for warning in warnings {
+            self.line(&format!("warning: {warning}"));
+        }
     }
 
     /// Removes the bar; returns whether the training of `what` was stopped.

@@ -239,3 +239,38 @@ fn a_target_in_the_options_is_the_target_of_the_files() {
     assert!(output.status.success());
     assert!(std::fs::read(out).unwrap() == std::fs::read(program).unwrap());
 }
+
+/// The lines of the crate's documentation, on samples.
+#[test]
+fn face_runs_as_documented() {
+    use trisplat::{Camera, Format, Renderer};
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let photos = Dataset::load(dataset(), &DatasetOptions::default()).unwrap();
+    let options = TrainOptions::default().steps(500).max_triangles(20_000).seed(1);
+    assert_eq!((options.steps, options.max_triangles, options.seed), (500, 20_000, 1));
+
+    let soup = trisplat::read(sample("soups/studio.ply")).unwrap();
+    let baked = trisplat::bake(soup, &BakeOptions::fast()).unwrap();
+    baked.write(at("mesh.glb")).unwrap();
+    let scene = trisplat::read(at("mesh.glb")).unwrap();
+    let bounds = scene.bounds();
+    let origin = bounds.center() + glam::Vec3::Y * 2.0 * bounds.radius();
+    let direction = baked.asset.mesh.centroid(0) - origin;
+    let hit: Option<trisplat::Hit> = baked.raycast(origin, direction);
+    assert!(hit.is_some() && scene.raycast(origin, direction).is_some());
+    let renderer = Renderer::new(&scene).unwrap();
+    for camera in Camera::orbit(&bounds, 3, 0.8, [64, 48]) {
+        let picture = renderer.draw(&camera).unwrap();
+        assert!(picture.rgb.iter().any(|pixel| *pixel != [0; 3]));
+    }
+    trisplat::write(&scene, at("copy.ply")).unwrap();
+    let copy = trisplat::read(at("copy.ply")).unwrap();
+    assert_eq!(copy.triangle_count(), scene.triangle_count());
+
+    let scores: trisplat::Scores = trisplat::score(&baked, &photos).unwrap();
+    assert!(scores.psnr.is_finite());
+    let bytes = std::fs::read(at("mesh.glb")).unwrap();
+    let again = trisplat::read_bytes(&bytes, Format::Glb).unwrap();
+    assert!(again.splats().is_none() && again.triangle_count() > 0);
+}

@@ -233,7 +233,9 @@ impl<'a> ReadyEval<'a> {
             for (sum, drawn) in at_own.iter_mut().zip(&drawn) {
                 *sum = sum.zip(drawn.psnr_own_exposure).map(|(sum, psnr)| sum + psnr);
             }
-            images.iter_mut().zip(drawn).for_each(|(images, drawn)| images.push(drawn.score));
+            for (images, drawn) in images.iter_mut().zip(drawn) {
+                images.push(drawn.score);
+            }
         }
         let mut scores: Vec<RepresentationScore> = Vec::with_capacity(self.steps.len());
         for (((step, images), at_own), draw_secs) in
