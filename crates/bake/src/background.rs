@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
-use trisplat_dataset::Background as Color;
+use trisplat_dataset::PhotoBackground as Color;
 use trisplat_scene::report::Outcome;
 use trisplat_scene::{ImportedScene, Scene};
 use trisplat_teacher::ObjectBackground;

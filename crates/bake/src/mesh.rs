@@ -20,7 +20,7 @@ use trisplat_scene::report::{Outcome, Report, StageObserver, generator};
 use trisplat_scene::{
     Asset, Chunk, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene, frames,
 };
-use trisplat_surface::{Part, SurfaceDetails, SurfaceOptions, surface_of_part};
+use trisplat_surface::{SurfaceDetails, SurfaceOptions, SurfacePart, surface_of_part};
 
 /// The options of the stages.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -106,7 +106,8 @@ pub fn mesh(
         move |mesh: &Mesh| faces_within(mesh, &volume, scene_cameras, crop)
     });
     let bounds = || scene.scene.bounds(scene.scene.triangle_count());
-    let part = is_kept.as_ref().and_then(|is_kept| Some(Part { bounds: bounds()?, keep: is_kept }));
+    let part =
+        is_kept.as_ref().and_then(|is_kept| Some(SurfacePart { bounds: bounds()?, keep: is_kept }));
     let scene = whole.unwrap_or(scene);
     let surface_options = beside_backdrop(&options.surface, backdrop.face_count());
     let (mut surface_mesh, _) = report.long_stage(

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use trisplat_formats::ply;
 use trisplat_scene::{Error, Provenance, Result, ranges};
 
-/// What to measure.
+/// Measurement of bakes.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct BakeBenchArgs {
     /// Numbers of triangles; every case runs at each.
@@ -39,7 +39,7 @@ pub(crate) struct BakeBenchArgs {
 /// One case at one size.
 #[derive(Debug, Serialize)]
 struct BakeRow {
-    /// What ran: "fast", "default", "small", "mesh-ply", "floor", "trimesh".
+    /// Measured program: "fast", "default", "small", "mesh-ply", "floor", "trimesh".
     case: &'static str,
     /// Triangles of the input.
     triangles: usize,

@@ -13,16 +13,16 @@ use trisplat_synthetic::{SyntheticOptions, soups};
 /// Measures what trisplat costs and how exact it is, and makes samples.
 #[derive(Debug, Parser)]
 #[command(name = "trisplat-bench", version, max_term_width = 100, arg_required_else_help = true)]
-struct Cli {
+struct BenchCli {
     /// Worker threads; 0 = one per core.
     #[arg(long, global = true, default_value_t = 0, value_name = "N")]
     threads: u16,
     #[command(subcommand)]
-    command: Command,
+    command: BenchCommand,
 }
 
 #[derive(Debug, Subcommand)]
-enum Command {
+enum BenchCommand {
     /// Steps and triangles against CPU seconds and error on your photos, and the settings to use.
     Cost(Box<cost::CostArgs>),
     /// Errors of rasterisers, files and bakes on stretched scenes, checked against the promises.
@@ -78,7 +78,7 @@ enum Sample {
     },
 }
 
-/// Where a sample goes.
+/// Destination of a sample.
 #[derive(Debug, Args)]
 struct To {
     /// PLY file, or folder of photos, to write.
@@ -91,7 +91,7 @@ struct To {
 
 /// Runs the program: one error on stderr and exit code 1 when it fails.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = BenchCli::parse();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(cli.threads.into()).build_global();
     let pool = pool.map_err(|e| Error::invalid("--threads", cli.threads, e.to_string()));
     match pool.and_then(|()| run(&cli.command)) {
@@ -103,16 +103,16 @@ pub fn main() -> ExitCode {
     }
 }
 
-fn run(command: &Command) -> Result<()> {
+fn run(command: &BenchCommand) -> Result<()> {
     match command {
-        Command::Cost(args) => cost::run(args),
-        Command::Stress(args) => stress::run(args),
+        BenchCommand::Cost(args) => cost::run(args),
+        BenchCommand::Stress(args) => stress::run(args),
         #[cfg(feature = "gpu")]
-        Command::Fps(args) => crate::fps::run(args),
-        Command::Bake(args) => bake::run(args),
-        Command::Sample(sample) => make(sample),
-        Command::Measure { command } => print_json(&machine::run_only_child(command)?),
-        Command::Floor { input, like, output } => bake::floor(input, like, output),
+        BenchCommand::Fps(args) => crate::fps::run(args),
+        BenchCommand::Bake(args) => bake::run(args),
+        BenchCommand::Sample(sample) => make(sample),
+        BenchCommand::Measure { command } => print_json(&machine::run_only_child(command)?),
+        BenchCommand::Floor { input, like, output } => bake::floor(input, like, output),
     }
 }
 

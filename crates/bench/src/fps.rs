@@ -25,11 +25,11 @@ use trisplat_view::{Canvas, DrawStats, FrameParams, Headless, Model};
 /// Background colour: one that no scene is likely to have, so that holes are seen.
 const BACKGROUND: [f32; 3] = [1.0, 0.0, 1.0];
 const NEAR: f32 = 0.01;
-/// Minimum agreement of a frame with the solid rasteriser on the CPU that counts as the same picture,
-/// dB.
+/// Minimum agreement of a frame with the solid rasteriser on the CPU that counts as the same
+/// picture, dB.
 const MIN_PSNR: f64 = 30.0;
 
-/// What to measure.
+/// Measurement of frames per second.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct FpsArgs {
     /// Scene to draw: .glb .gltf .obj .off .ply .pt; a soup is baked in memory.
@@ -61,10 +61,10 @@ pub(crate) struct FpsArgs {
     /// Print rows as JSON.
     #[arg(long)]
     json: bool,
-    /// Which graphics card draws.
+    /// Choice of the graphics card.
     #[command(flatten, next_help_heading = "Graphics card")]
     adapter: AdapterOptions,
-    /// How the data set is read.
+    /// Options for reading the data set.
     #[command(flatten, next_help_heading = "Data set")]
     dataset_options: DatasetOptions,
 }
@@ -83,13 +83,13 @@ struct FpsRow {
     cost: FrameCost,
     /// Bytes of GPU memory per triangle.
     bytes_per_triangle: f64,
-    /// How close a frame comes to the CPU's, dB.
+    /// PSNR of a frame against the CPU's, dB.
     psnr: f64,
     /// Graphics card, graphics API and driver.
     adapter: String,
 }
 
-/// What a frame costs, over the frames of a path.
+/// Cost of a frame, over the frames of a path.
 #[derive(Debug, Serialize)]
 struct FrameCost {
     /// Milliseconds from the end of one frame to the end of the next, with two in flight: median.

@@ -59,7 +59,7 @@ pub(crate) struct Usage {
 /// away.
 ///
 /// # Errors
-/// It cannot be started, or it fails.
+/// A program that cannot be started, or fails.
 pub(crate) fn run_only_child(command: &[OsString]) -> Result<Usage> {
     let Some((program, arguments)) = command.split_first() else {
         return Err(Error::invalid("COMMAND", "nothing", "a program and its arguments"));

@@ -1,6 +1,6 @@
 //! COLMAP models as data sets: their places, their photos, and the errors of cameras and points.
 
-use super::colmap_model::{FoundPoint, ImageRow, Model};
+use super::colmap_model::{ColmapModel, FoundPoint, ImageRow};
 use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
 use super::lens::Lens;
 use super::options::DatasetOptions;
@@ -125,8 +125,8 @@ fn fell_apart(root: &Path, files: &ModelFiles) -> Option<String> {
     ))
 }
 
-/// Why the points cannot be those of the model, if they cannot.
-fn foreign_points(model: &Model, places: &HashMap<u64, DVec3>) -> Option<String> {
+/// Reason why the points do not belong to the model; `None` if they do.
+fn foreign_points(model: &ColmapModel, places: &HashMap<u64, DVec3>) -> Option<String> {
     let observed: usize = model.images.iter().map(|image| image.observations.len()).sum();
     if observed == 0 || places.is_empty() {
         return None;
@@ -151,7 +151,7 @@ fn foreign_points(model: &Model, places: &HashMap<u64, DVec3>) -> Option<String>
 }
 
 /// Leaves out photos whose poses hang on next to nothing.
-fn leave_out_loose(model: &mut Model, warnings: &mut Vec<String>) {
+fn leave_out_loose(model: &mut ColmapModel, warnings: &mut Vec<String>) {
     let ties = |image: &ImageRow| image.observations.len();
     let usual = median(model.images.iter().map(ties).collect(), usize::cmp).unwrap_or(0);
     // A photo of none has its pose from elsewhere.
@@ -193,7 +193,7 @@ pub(super) fn with_photos<'a>(root: &'a Path, images: &Path) -> Option<&'a Path>
 
 fn photo(
     image: &ImageRow,
-    model: &Model,
+    model: &ColmapModel,
     points: &HashMap<u64, u32>,
     files: &mut NamedFiles,
 ) -> Result<FoundPhoto> {
@@ -216,7 +216,7 @@ impl ModelFiles {
     }
 
     /// Its cameras and images, with their observations if `observations` is set.
-    pub(super) fn model(&self, limits: &Limits, observations: bool) -> Result<Model> {
+    pub(super) fn model(&self, limits: &Limits, observations: bool) -> Result<ColmapModel> {
         let read = if self.binary { colmap_binary::read } else { colmap_text::read };
         read(&self.folder, limits, observations)
     }
@@ -245,7 +245,7 @@ fn places(points: &[FoundPoint]) -> HashMap<u64, DVec3> {
 /// Every observation of a point: the lens, the pixel of the point, `None` behind the camera, and
 /// the observed pixel.
 fn sightings<'a>(
-    model: &'a Model,
+    model: &'a ColmapModel,
     places: &HashMap<u64, DVec3>,
 ) -> Vec<(&'a Lens, Option<DVec2>, DVec2)> {
     let mut found = Vec::new();

@@ -2,7 +2,7 @@
 //!
 //! Every count is compared with the remaining bytes before memory is allocated.
 
-use super::colmap_model::{self, FoundPoint, ImageRow, Model};
+use super::colmap_model::{self, ColmapModel, FoundPoint, ImageRow};
 use glam::{DVec3, Vec2};
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -14,8 +14,8 @@ const NO_POINT: u64 = u64::MAX;
 
 /// Reads cameras and images of a folder. Observations are most of the file; they are skipped unless
 /// `observations` is set.
-pub(super) fn read(folder: &Path, limits: &Limits, observations: bool) -> Result<Model> {
-    let mut model = Model::default();
+pub(super) fn read(folder: &Path, limits: &Limits, observations: bool) -> Result<ColmapModel> {
+    let mut model = ColmapModel::default();
     read_cameras(&mut BinaryFile::open(folder.join("cameras.bin"), limits)?, &mut model)?;
     read_images(
         &mut BinaryFile::open(folder.join("images.bin"), limits)?,
@@ -25,7 +25,7 @@ pub(super) fn read(folder: &Path, limits: &Limits, observations: bool) -> Result
     Ok(model)
 }
 
-fn read_cameras(bytes: &mut BinaryFile, model: &mut Model) -> Result<()> {
+fn read_cameras(bytes: &mut BinaryFile, model: &mut ColmapModel) -> Result<()> {
     let count = bytes.count("cameras", 24 + 3 * 8)?;
     for _ in 0..count {
         let id = u32::from_le_bytes(bytes.take()?);
@@ -44,7 +44,7 @@ fn read_cameras(bytes: &mut BinaryFile, model: &mut Model) -> Result<()> {
     bytes.end()
 }
 
-fn read_images(bytes: &mut BinaryFile, observations: bool, model: &mut Model) -> Result<()> {
+fn read_images(bytes: &mut BinaryFile, observations: bool, model: &mut ColmapModel) -> Result<()> {
     let count = bytes.count("images", 4 + 7 * 8 + 4 + 1 + 8)?;
     for _ in 0..count {
         let id = u32::from_le_bytes(bytes.take()?);

@@ -1,6 +1,6 @@
 //! A COLMAP model in memory, with the meaning of camera models and quaternions.
 
-use super::lens::{Distortion, Lens, Projection};
+use super::lens::{Distortion, Lens, LensProjection};
 use glam::{DMat3, DQuat, DVec3, UVec2, Vec2};
 use std::collections::HashMap;
 use std::path::Path;
@@ -8,7 +8,7 @@ use trisplat_scene::{Error, Result};
 
 /// A model without its points, which are read one by one.
 #[derive(Debug, Default, PartialEq)]
-pub(super) struct Model {
+pub(super) struct ColmapModel {
     pub(super) cameras: HashMap<u32, Lens>,
     pub(super) images: Vec<ImageRow>,
 }
@@ -108,7 +108,7 @@ pub(super) fn lens(path: &Path, model: &str, size: [u64; 2], params: &[f64]) -> 
         radial: [k1, k2, k3, k4],
         tangential: [p1, p2],
         prism: [sx, sy],
-        projection: if fisheye { Projection::Fisheye } else { Projection::Perspective },
+        projection: if fisheye { LensProjection::Fisheye } else { LensProjection::Perspective },
         ..Distortion::default()
     };
     Ok(Lens { size, focal: focal.into(), center: center.into(), distortion })
@@ -154,7 +154,10 @@ mod tests {
         assert_eq!(opencv.distortion.tangential, [0.3, 0.4]);
         let prism = [1.0, 2.0, 3.0, 4.0, 0.1, 0.2, 0.5, 0.6, 0.3, 0.4, 0.7, 0.8];
         let prism = read("THIN_PRISM_FISHEYE", &prism).distortion;
-        assert_eq!((prism.radial, prism.projection), ([0.1, 0.2, 0.3, 0.4], Projection::Fisheye));
+        assert_eq!(
+            (prism.radial, prism.projection),
+            ([0.1, 0.2, 0.3, 0.4], LensProjection::Fisheye)
+        );
         assert_eq!((prism.tangential, prism.prism), ([0.5, 0.6], [0.7, 0.8]));
         let fisheye = read("OPENCV_FISHEYE", &[1.0, 2.0, 3.0, 4.0, 0.1, 0.2, 0.3, 0.4]).distortion;
         assert_eq!(fisheye.radial, [0.1, 0.2, 0.3, 0.4]);

@@ -1,6 +1,6 @@
 //! COLMAP's text model: cameras.txt, images.txt, points3D.txt.
 
-use super::colmap_model::{self, FoundPoint, ImageRow, Model};
+use super::colmap_model::{self, ColmapModel, FoundPoint, ImageRow};
 use glam::{DVec3, Vec2};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -9,15 +9,15 @@ use std::str::FromStr;
 use trisplat_scene::{Error, Limits, Result, excerpt, input};
 
 /// Reads cameras and images of a folder; observations are kept if `observations` is set.
-pub(super) fn read(folder: &Path, limits: &Limits, observations: bool) -> Result<Model> {
-    let mut model = Model::default();
+pub(super) fn read(folder: &Path, limits: &Limits, observations: bool) -> Result<ColmapModel> {
+    let mut model = ColmapModel::default();
     read_cameras(&mut TextFile::open(folder.join("cameras.txt"), limits)?, &mut model)?;
     read_images(&mut TextFile::open(folder.join("images.txt"), limits)?, observations, &mut model)?;
     Ok(model)
 }
 
 /// `CAMERA_ID MODEL WIDTH HEIGHT PARAMS...`
-fn read_cameras(lines: &mut TextFile, model: &mut Model) -> Result<()> {
+fn read_cameras(lines: &mut TextFile, model: &mut ColmapModel) -> Result<()> {
     while lines.next_entry()? {
         let mut words = lines.words();
         let id = words.number("camera id")?;
@@ -32,7 +32,7 @@ fn read_cameras(lines: &mut TextFile, model: &mut Model) -> Result<()> {
 
 /// `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, then a line of `X Y POINT3D_ID` triples, perhaps
 /// empty.
-fn read_images(lines: &mut TextFile, keep: bool, model: &mut Model) -> Result<()> {
+fn read_images(lines: &mut TextFile, keep: bool, model: &mut ColmapModel) -> Result<()> {
     while lines.next_entry()? {
         let mut words = lines.words();
         let id: u32 = words.number("image id")?;
@@ -125,8 +125,8 @@ impl TextFile {
         Ok(false)
     }
 
-    fn words(&self) -> Words<'_> {
-        Words { lines: self, text: self.line.trim() }
+    fn words(&self) -> LineWords<'_> {
+        LineWords { lines: self, text: self.line.trim() }
     }
 
     fn malformed(&self, reason: impl Into<String>) -> Error {
@@ -135,12 +135,12 @@ impl TextFile {
 }
 
 /// The rest of a line.
-struct Words<'a> {
+struct LineWords<'a> {
     lines: &'a TextFile,
     text: &'a str,
 }
 
-impl<'a> Words<'a> {
+impl<'a> LineWords<'a> {
     fn word(&mut self, what: &str) -> Result<&'a str> {
         let (word, rest) = self.text.split_once(char::is_whitespace).unwrap_or((self.text, ""));
         if word.is_empty() {

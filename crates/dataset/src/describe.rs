@@ -16,7 +16,7 @@ use trisplat_scene::{Limits, Result};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(title = "trisplat data set")]
 pub struct Description {
-    /// What it was read as.
+    /// Format of its list of poses.
     pub kind: DatasetKind,
     /// Photos to train on.
     pub train: u64,

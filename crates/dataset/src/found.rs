@@ -2,7 +2,7 @@
 //! be in its folder.
 
 use super::colmap_model::FoundPoint;
-use super::lens::{Distortion, Lens, Projection};
+use super::lens::{Distortion, Lens, LensProjection};
 use super::options::DatasetOptions;
 use super::posed::DatasetKind;
 use glam::{DMat3, DVec2, DVec3, UVec2};
@@ -79,7 +79,7 @@ pub(super) struct LensClaim {
 const WIDEST: std::ops::RangeInclusive<f64> = 1e-5..=3.1;
 
 impl LensClaim {
-    /// That of a lens without missing values.
+    /// Complete values of a lens.
     pub(super) fn of(lens: &Lens) -> Self {
         Self {
             size: Some(lens.size),
@@ -97,7 +97,7 @@ impl LensClaim {
         if size.min_element() == 0 {
             return Err(format!("its size is {}x{}", size.x, size.y));
         }
-        if self.distortion.projection == Projection::Spherical {
+        if self.distortion.projection == LensProjection::Spherical {
             return Ok(Lens::spherical(size));
         }
         let half = size.as_dvec2() / 2.0;
@@ -135,7 +135,7 @@ impl LensClaim {
 pub(super) struct NamedFiles<'a> {
     /// The file that names them, for messages.
     pub(super) list: &'a Path,
-    /// What they are relative to.
+    /// Folder that they are relative to.
     pub(super) folder: &'a Path,
     /// The folder of photos, where files that are not in their place are looked for.
     photos: PathBuf,

@@ -14,13 +14,13 @@ pub struct Lens {
     pub focal: DVec2,
     /// Principal point, px; anywhere.
     pub center: DVec2,
-    /// How it bends straight lines.
+    /// Distortion of straight lines.
     pub distortion: Distortion,
 }
 
-/// How a direction (x, y, z) is laid flat before it is bent.
+/// Projection of a direction (x, y, z) onto the plane, before distortion.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Projection {
+pub enum LensProjection {
     /// (x / z, y / z).
     #[default]
     Perspective,
@@ -49,13 +49,13 @@ pub struct Distortion {
     pub prism: [f64; 2],
     /// Rows that are not at a right angle to columns.
     pub skew: f64,
-    /// What it bends.
-    pub projection: Projection,
+    /// Projection that it distorts.
+    pub projection: LensProjection,
     /// The widest angle to the axis that the photo shows, rad, where its corners are black.
     pub limit: Option<f64>,
 }
 
-impl Projection {
+impl LensProjection {
     /// The flat coordinates of a direction; `None` behind a perspective lens.
     fn flat(self, ray: DVec3) -> Option<DVec2> {
         let across = ray.truncate().length();
@@ -100,7 +100,8 @@ impl Lens {
 
     /// A lens that sees everything around it, in a picture twice as wide as high.
     pub fn spherical(size: UVec2) -> Self {
-        let distortion = Distortion { projection: Projection::Spherical, ..Distortion::default() };
+        let distortion =
+            Distortion { projection: LensProjection::Spherical, ..Distortion::default() };
         Self {
             size,
             focal: size.as_dvec2() / DVec2::new(TAU, PI),
@@ -247,7 +248,7 @@ impl Undistort {
         let sources = places.map(|(x, y)| {
             let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) * step;
             let direction = (pixel - self.pinhole.center) / self.pinhole.focal;
-            // Where the lens shows nothing the plan has no pixel.
+            // Outside of the lens's field of view the plan has no pixel.
             let place = self.lens.pixel(to_lens * direction.extend(1.0)).unwrap_or_default();
             Bilinear::at(place * ratio, photo.size)
         });
@@ -331,7 +332,7 @@ mod tests {
         tangential: [0.0; 2],
         prism: [0.0; 2],
         skew: 0.0,
-        projection: Projection::Perspective,
+        projection: LensProjection::Perspective,
         limit: None,
     };
     /// The phone camera of instant-ngp's fox, and stronger lenses both ways.

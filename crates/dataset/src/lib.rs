@@ -11,7 +11,7 @@ mod colmap_text;
 mod describe;
 mod exif;
 pub mod exposure {
-    //! How photos differ in exposure, white balance, and falloff towards the corners.
+    //! Differences of photos in exposure, white balance, and falloff towards the corners.
 
     mod correction;
     mod evidence;
@@ -44,9 +44,9 @@ mod transforms;
 mod views;
 
 pub use describe::{Description, describe};
-pub use lens::{Distortion, Lens, Projection};
-pub use options::{Background, DatasetOptions, Masks};
-pub use photo::{Photo, PictureFile, StoredPicture};
+pub use lens::{Distortion, Lens, LensProjection};
+pub use options::{DatasetOptions, Masks, PhotoBackground};
+pub use photo::{Photo, PictureFile, StoredPhoto};
 pub use photos::Photos;
 pub use points::{looking_distance, random_points};
 pub use posed::{Dataset, DatasetKind, Point, Reprojection, ShrunkSize, Split, View};

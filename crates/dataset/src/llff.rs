@@ -94,7 +94,7 @@ fn photo(name: String, path: PathBuf, row: &[f64; ROW]) -> Result<FoundPhoto, St
     Ok(FoundPhoto::posed(name, path, (rotation, translation), lens))
 }
 
-/// What a NumPy file says before its numbers.
+/// Header of a NumPy file.
 struct Header {
     rows: usize,
     bytes_per_number: usize,

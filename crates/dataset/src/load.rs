@@ -27,7 +27,8 @@ impl Dataset {
     /// use trisplat_dataset::{Dataset, DatasetOptions};
     ///
     /// let dataset = Dataset::load("garden", &DatasetOptions::default())?;
-    /// println!("{}: {} photos to train on, {} held out", dataset.kind, dataset.train().count(), dataset.test().count());
+    /// println!("{}: {} photos to train on, {} held out", dataset.kind, dataset.train().count(),
+    /// dataset.test().count());
     /// # Ok::<(), trisplat_scene::Error>(())
     /// ```
     ///
@@ -54,7 +55,7 @@ impl Dataset {
     /// `origin` is given, there are no points.
     ///
     /// # Errors
-    /// Those of [`Dataset::load`]; a name that is not in the data set.
+    /// As of [`Dataset::load`]; a name that is not in the data set.
     pub fn load_some(
         path: &Path,
         options: &DatasetOptions,
@@ -79,11 +80,11 @@ impl Dataset {
     }
 }
 
-/// Where the list of poses of a folder is.
+/// Finds the list of poses of a folder.
 type Locator = fn(&Path) -> Option<PathBuf>;
-type Reader = fn(&Path, &DatasetOptions) -> Result<FoundDataset>;
+type PoseReader = fn(&Path, &DatasetOptions) -> Result<FoundDataset>;
 /// The lists of poses beside COLMAP's, by extension; in a folder the first goes first.
-const LISTS: [(&str, Locator, Reader); 4] = [
+const LISTS: [(&str, Locator, PoseReader); 4] = [
     ("json", transforms::locate, transforms::read),
     ("npy", llff::locate, llff::read),
     ("xml", metashape::locate, metashape::read),
@@ -91,7 +92,7 @@ const LISTS: [(&str, Locator, Reader); 4] = [
 ];
 
 /// The reader of a list of poses, by its extension.
-fn reader(file: &Path) -> Option<Reader> {
+fn reader(file: &Path) -> Option<PoseReader> {
     let extension = file.extension()?;
     let list = LISTS.iter().find(|(ending, ..)| extension.eq_ignore_ascii_case(ending));
     list.map(|(.., read)| *read)

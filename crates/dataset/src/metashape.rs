@@ -10,7 +10,7 @@
 //! ```
 
 use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
-use super::lens::{Distortion, Lens, Projection};
+use super::lens::{Distortion, Lens, LensProjection};
 use super::options::DatasetOptions;
 use super::posed::DatasetKind;
 use glam::{DMat3, DMat4, DVec2, DVec3, UVec2};
@@ -25,18 +25,18 @@ use trisplat_scene::{Error, Result, excerpt, input};
 const MAX_DEPTH: i32 = 128;
 
 #[derive(Deserialize)]
-struct Document {
-    chunk: Chunk,
+struct XmlDocument {
+    chunk: XmlChunk,
 }
 
 #[derive(Deserialize)]
-struct Chunk {
+struct XmlChunk {
     #[serde(default)]
     sensors: Sensors,
     #[serde(default)]
-    cameras: Cameras,
+    cameras: XmlCameras,
     #[serde(default)]
-    transform: Place,
+    transform: XmlTransform,
 }
 
 #[derive(Default, Deserialize)]
@@ -84,13 +84,13 @@ struct Calibration {
 
 #[derive(Default, Deserialize)]
 #[serde(default)]
-struct Cameras {
-    camera: Vec<Camera>,
-    group: Vec<Cameras>,
+struct XmlCameras {
+    camera: Vec<XmlCamera>,
+    group: Vec<XmlCameras>,
 }
 
 #[derive(Deserialize)]
-struct Camera {
+struct XmlCamera {
     #[serde(rename = "@label")]
     label: String,
     #[serde(rename = "@sensor_id")]
@@ -100,10 +100,10 @@ struct Camera {
     transform: Option<String>,
 }
 
-/// Where the chunk is.
+/// Placement of the chunk in the world.
 #[derive(Default, Deserialize)]
 #[serde(default)]
-struct Place {
+struct XmlTransform {
     rotation: Option<String>,
     translation: Option<String>,
     scale: Option<String>,
@@ -141,13 +141,13 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
         Error::malformed(file, "XML", reason)
     };
     check_depth(&text).map_err(wrong)?;
-    let document: Document = from_str(&text).map_err(|e| wrong(e.to_string()))?;
-    let Chunk { sensors, cameras, transform } = document.chunk;
+    let document: XmlDocument = from_str(&text).map_err(|e| wrong(e.to_string()))?;
+    let XmlChunk { sensors, cameras, transform } = document.chunk;
     let place = transform.matrix().map_err(|reason| Error::malformed(file, "chunk", reason))?;
     let root = file.parent().unwrap_or(Path::new("")).to_owned();
     let mut files = NamedFiles::new(file, &root, options);
     let all = cameras.all();
-    let used = |camera: &&&Camera| {
+    let used = |camera: &&&XmlCamera| {
         camera.transform.is_some() && !matches!(camera.enabled.as_deref(), Some("0" | "false"))
     };
     let mut photos = Vec::new();
@@ -197,9 +197,9 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     Ok(FoundDataset { kind, root, list, photos, points, warnings })
 }
 
-impl Cameras {
-    /// Those of groups too.
-    fn all(&self) -> Vec<&Camera> {
+impl XmlCameras {
+    /// All cameras, those of groups included.
+    fn all(&self) -> Vec<&XmlCamera> {
         self.camera.iter().chain(self.group.iter().flat_map(Self::all)).collect()
     }
 }
@@ -207,9 +207,9 @@ impl Cameras {
 impl Sensor {
     fn lens(&self) -> Result<LensClaim, String> {
         let projection = match self.kind.as_str() {
-            "" | "frame" => Projection::Perspective,
-            "fisheye" | "equidistant_fisheye" => Projection::Fisheye,
-            "spherical" => Projection::Spherical,
+            "" | "frame" => LensProjection::Perspective,
+            "fisheye" | "equidistant_fisheye" => LensProjection::Fisheye,
+            "spherical" => LensProjection::Spherical,
             other => {
                 return Err(format!(
                     "a sensor of type {other} is not read; undistort the photos in Metashape"
@@ -218,7 +218,7 @@ impl Sensor {
         };
         let size = self.resolution.as_ref().map(|size| UVec2::new(size.width, size.height));
         let size = size.ok_or("its sensor has no resolution")?;
-        if projection == Projection::Spherical {
+        if projection == LensProjection::Spherical {
             return Ok(LensClaim::of(&Lens::spherical(size)));
         }
         let adjusted = self.calibration.iter().find(|calibration| calibration.class == "adjusted");
@@ -241,7 +241,7 @@ impl Sensor {
     }
 }
 
-impl Place {
+impl XmlTransform {
     fn matrix(&self) -> Result<DMat4, String> {
         let rotation = numbers(self.rotation.as_deref().unwrap_or("1 0 0 0 1 0 0 0 1"))?;
         let rotation = DMat3::from_cols_array(&rotation).transpose();

@@ -1,4 +1,4 @@
-//! How to read a data set: declared once for the library, the flags and the config file.
+//! Options for reading a data set, declared once for the library, the flags and the config file.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -9,7 +9,7 @@ use trisplat_formats::ReadOptions;
 use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::{Limits, Result};
 
-/// How a folder of posed photos is read.
+/// Options for reading a folder of posed photos.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(default, deny_unknown_fields)]
@@ -31,13 +31,13 @@ pub struct DatasetOptions {
     /// Folder of the photos, relative to the data set; COLMAP models name them relative to it.
     #[cfg_attr(feature = "cli", arg(long, value_name = "FOLDER", default_value = "images"))]
     pub images: PathBuf,
-    /// What to do with the pictures in the folder `masks`, and with the `mask_path` of a frame.
+    /// Use of the pictures in the folder `masks`, and of the `mask_path` of a frame.
     /// Transparent pixels are a mask that cuts, unless this is `off`.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub masks: Masks,
     /// Colour behind transparent pixels: black, white or #rrggbb.
     #[cfg_attr(feature = "cli", arg(long, value_name = "COLOR", default_value_t))]
-    pub background: Background,
+    pub background: PhotoBackground,
     /// Memory for decoded photos and drawn pictures, MiB; others go into a temporary file. Each
     /// thread may hold one more.
     #[cfg_attr(feature = "cli", arg(long, value_name = "MIB", default_value_t = 1024))]
@@ -47,7 +47,7 @@ pub struct DatasetOptions {
     #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(default)]
     pub limits: Limits,
-    /// Whether it may name files outside its folder.
+    /// Permit it to name files outside its folder.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub allow_outside: bool,
 }
@@ -78,7 +78,7 @@ impl Default for DatasetOptions {
             skip_broken: false,
             images: PathBuf::from("images"),
             masks: Masks::default(),
-            background: Background::default(),
+            background: PhotoBackground::default(),
             photo_memory_mib: 1024,
             limits: Limits::DEFAULT,
             allow_outside: false,
@@ -106,16 +106,16 @@ pub enum Masks {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "String", into = "String")]
 #[schemars(description = "black, white or #rrggbb", extend("pattern" = "^(black|white|#[0-9a-fA-F]{6})$"))]
-pub struct Background(pub [u8; 3]);
+pub struct PhotoBackground(pub [u8; 3]);
 
-impl Background {
+impl PhotoBackground {
     /// The colour with channels in [0, 1].
     pub fn to_f32(self) -> [f32; 3] {
         self.0.map(|c| f32::from(c) * (1.0 / 255.0))
     }
 }
 
-impl FromStr for Background {
+impl FromStr for PhotoBackground {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -133,7 +133,7 @@ impl FromStr for Background {
     }
 }
 
-impl fmt::Display for Background {
+impl fmt::Display for PhotoBackground {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             [0, 0, 0] => f.write_str("black"),
@@ -143,7 +143,7 @@ impl fmt::Display for Background {
     }
 }
 
-trisplat_scene::as_text!(Background);
+trisplat_scene::as_text!(PhotoBackground);
 
 #[cfg(test)]
 #[cfg(feature = "cli")]
@@ -155,12 +155,12 @@ mod tests {
         for (text, rgb) in
             [("black", [0, 0, 0]), ("white", [255; 3]), ("#1e90ff", [0x1e, 0x90, 0xff])]
         {
-            let background: Background = text.parse().unwrap();
-            assert_eq!(background, Background(rgb));
+            let background: PhotoBackground = text.parse().unwrap();
+            assert_eq!(background, PhotoBackground(rgb));
             assert_eq!(background.to_string(), text);
         }
         for bad in ["", "#", "#fff", "red", "#12345g", "#+12345", "1e90ff"] {
-            assert!(bad.parse::<Background>().is_err(), "{bad}");
+            assert!(bad.parse::<PhotoBackground>().is_err(), "{bad}");
         }
     }
 

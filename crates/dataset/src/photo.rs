@@ -1,7 +1,7 @@
 //! One photo: on disk with its processing steps, or drawn, in memory or in a temporary file.
 
 use super::lens::Undistort;
-use super::options::Background;
+use super::options::PhotoBackground;
 use glam::UVec2;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -22,11 +22,11 @@ pub struct Photo {
     /// Width and height of the file, px.
     pub stored: UVec2,
     pub(super) undistort: Option<Undistort>,
-    pub(super) background: Background,
+    pub(super) background: PhotoBackground,
     /// Limits on its files.
     pub limits: Limits,
-    pub(super) drawn: Option<Drawn>,
-    /// It shows an object without background, cut out by its alpha or mask.
+    pub(super) drawn: Option<PreparedPhoto>,
+    /// True when it shows an object without background, cut out by its alpha or mask.
     pub(super) cut: bool,
     /// The selected part of it.
     pub(super) crop: Option<Crop>,
@@ -45,18 +45,20 @@ pub(super) struct Crop {
 
 /// A picture that needs no decoding.
 #[derive(Debug, Clone)]
-pub(super) enum Drawn {
+pub(super) enum PreparedPhoto {
     /// In memory.
     Held(Arc<RgbImage>),
     /// In a temporary file.
-    Stored(Arc<PictureFile>, StoredPicture),
+    Stored(Arc<PictureFile>, StoredPhoto),
 }
 
-impl PartialEq for Drawn {
+impl PartialEq for PreparedPhoto {
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
-            (Drawn::Held(a), Drawn::Held(b)) => a == b,
-            (Drawn::Stored(a, at), Drawn::Stored(b, other)) => Arc::ptr_eq(a, b) && at == other,
+            (PreparedPhoto::Held(a), PreparedPhoto::Held(b)) => a == b,
+            (PreparedPhoto::Stored(a, at), PreparedPhoto::Stored(b, other)) => {
+                Arc::ptr_eq(a, b) && at == other
+            }
             _ => false,
         }
     }
@@ -65,13 +67,13 @@ impl PartialEq for Drawn {
 impl Photo {
     /// A picture in memory, like a decoded photo.
     pub fn drawn(pixels: RgbImage) -> Self {
-        Self::of(pixels.size, Drawn::Held(Arc::new(pixels)))
+        Self::of(pixels.size, PreparedPhoto::Held(Arc::new(pixels)))
     }
 
     /// A picture stored in `file`, like a decoded photo. Fails when the disk is full.
     pub fn stored(pixels: &RgbImage, file: &Arc<PictureFile>) -> Result<Self> {
         let place = file.put(pixels).map_err(Error::temporary)?;
-        Ok(Self::of(pixels.size, Drawn::Stored(Arc::clone(file), place)))
+        Ok(Self::of(pixels.size, PreparedPhoto::Stored(Arc::clone(file), place)))
     }
 
     /// The same as a picture of an object without background: see [`Photo::is_cut`].
@@ -79,14 +81,14 @@ impl Photo {
         Self { cut: true, ..self }
     }
 
-    fn of(size: UVec2, drawn: Drawn) -> Self {
+    fn of(size: UVec2, drawn: PreparedPhoto) -> Self {
         Self {
             path: PathBuf::new(),
             mask: None,
             size,
             stored: size,
             undistort: None,
-            background: Background([0; 3]),
+            background: PhotoBackground([0; 3]),
             limits: Limits::DEFAULT,
             drawn: Some(drawn),
             cut: false,
@@ -124,8 +126,10 @@ impl Photo {
     /// it is the share of the pixel that the object covers, and the colours are over black.
     pub fn decode(&self) -> Result<RgbImage> {
         let whole = match &self.drawn {
-            Some(Drawn::Held(pixels)) => RgbImage::clone(pixels),
-            Some(Drawn::Stored(file, place)) => file.get(*place).map_err(Error::temporary)?,
+            Some(PreparedPhoto::Held(pixels)) => RgbImage::clone(pixels),
+            Some(PreparedPhoto::Stored(file, place)) => {
+                file.get(*place).map_err(Error::temporary)?
+            }
             None => self.decode_file()?,
         };
         Ok(match self.crop {
@@ -192,18 +196,18 @@ impl Photo {
     /// The picture, if it is in memory.
     pub(super) fn held(&self) -> Option<Arc<RgbImage>> {
         match &self.drawn {
-            Some(Drawn::Held(pixels)) if self.crop.is_none() => Some(Arc::clone(pixels)),
+            Some(PreparedPhoto::Held(pixels)) if self.crop.is_none() => Some(Arc::clone(pixels)),
             _ => None,
         }
     }
 
     /// True when its pixels are in a temporary file already.
     pub(super) fn is_stored(&self) -> bool {
-        matches!(self.drawn, Some(Drawn::Stored(..)))
+        matches!(self.drawn, Some(PreparedPhoto::Stored(..)))
     }
 
-    /// Maximum bytes in memory while it is decoded, the result included; of a picture in a temporary
-    /// file, the result.
+    /// Maximum bytes in memory while it is decoded, the result included; of a picture in a
+    /// temporary file, the result.
     pub(super) fn decoding_bytes(&self) -> u64 {
         // Beside the picture: its mask, or the same without distortion.
         let stored = u64::from(self.stored.x) * u64::from(self.stored.y);
@@ -239,7 +243,7 @@ pub struct PictureFile(Mutex<(Option<File>, u64)>);
 
 /// The place of a picture in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct StoredPicture {
+pub struct StoredPhoto {
     at: u64,
     size: UVec2,
     alpha: bool,
@@ -247,7 +251,7 @@ pub struct StoredPicture {
 
 impl PictureFile {
     /// Adds a picture. Fails when the disk is full.
-    pub fn put(&self, pixels: &RgbImage) -> io::Result<StoredPicture> {
+    pub fn put(&self, pixels: &RgbImage) -> io::Result<StoredPhoto> {
         let (file, end) = &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let at = *end;
         let file = match file {
@@ -258,11 +262,11 @@ impl PictureFile {
         file.write_all(bytemuck::cast_slice(&pixels.rgb))?;
         file.write_all(pixels.alpha.as_deref().unwrap_or_default())?;
         *end = at + pixels.bytes();
-        Ok(StoredPicture { at, size: pixels.size, alpha: pixels.alpha.is_some() })
+        Ok(StoredPhoto { at, size: pixels.size, alpha: pixels.alpha.is_some() })
     }
 
     /// A picture of this file.
-    pub fn get(&self, place: StoredPicture) -> io::Result<RgbImage> {
+    pub fn get(&self, place: StoredPhoto) -> io::Result<RgbImage> {
         let (file, _) = &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let file = file.as_mut().ok_or(io::ErrorKind::NotFound)?;
         let count = place.size.x as usize * place.size.y as usize;

@@ -5,7 +5,7 @@
 //! needs counts too: photos leave memory before the next one is decoded, and one that takes more
 //! than the budget is decoded alone.
 
-use super::photo::{Photo, PictureFile, StoredPicture};
+use super::photo::{Photo, PictureFile, StoredPhoto};
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -57,7 +57,7 @@ struct LoaderState {
 #[derive(Debug, Default)]
 struct PhotoSlot {
     pixels: Option<Result<Arc<RgbImage>>>,
-    cached: Option<StoredPicture>,
+    cached: Option<StoredPhoto>,
     loading: bool,
     /// Of what was decoded.
     digest: Option<u64>,
@@ -142,7 +142,7 @@ impl Photos {
         self.shared.lock().slots.get(i)?.digest
     }
 
-    /// How many files have been decoded so far.
+    /// Number of files decoded so far.
     pub fn decoded(&self) -> u64 {
         self.shared.lock().decode_count
     }
@@ -193,7 +193,7 @@ impl Loader {
         // A panic must not leave others waiting for the photo.
         let pixels = cached.map_or_else(|| guarded(&photo.path, || photo.decode()), Ok);
         if decodes {
-            // What this thread's decoder took would add to what the other's takes.
+            // Memory of this thread's decoder would add to that of the other's.
             release_freed();
         }
         // Once, and outside the lock: it reads every byte.
@@ -278,7 +278,7 @@ impl Loader {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Background;
+    use crate::PhotoBackground;
     use glam::UVec2;
     use std::path::Path;
 
@@ -299,7 +299,7 @@ mod tests {
                 size: SIZE,
                 stored: SIZE,
                 undistort: None,
-                background: Background::default(),
+                background: PhotoBackground::default(),
                 limits: trisplat_scene::Limits::DEFAULT,
                 drawn: None,
                 cut: false,

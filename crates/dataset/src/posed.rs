@@ -19,7 +19,7 @@ use trisplat_scene::{Error, Result, UpAxis, input};
 pub struct Dataset {
     /// Its folder or file, as given.
     pub path: PathBuf,
-    /// What it was read as.
+    /// Format of its list of poses.
     pub kind: DatasetKind,
     /// All photos, sorted by name.
     pub views: Vec<View>,
@@ -92,7 +92,7 @@ pub struct Reprojection {
 }
 
 impl Dataset {
-    /// Whether photos track points, which so have a known depth.
+    /// True when photos track points, so that the depth of these is known.
     pub fn has_tracks(&self) -> bool {
         self.views.iter().any(|view| !view.tracked.is_empty())
     }
@@ -103,7 +103,7 @@ impl Dataset {
         view.tracked.iter().filter_map(found)
     }
 
-    /// Whether a tracked point, by its index, is one of the fifth that judges the depth of scenes:
+    /// True for the fifth of the tracked points, by index, that measures the depth error of scenes:
     /// no training uses it.
     pub fn is_validation_point(index: usize) -> bool {
         index.is_multiple_of(5)
@@ -136,7 +136,7 @@ impl Dataset {
         self.views.iter().filter(|v| v.test)
     }
 
-    /// What to do with masks when `asked` to: `auto` as it was decided.
+    /// Use of masks for a `requested` use: `auto` as the data set decided.
     pub fn masks(&self, asked: Masks) -> Masks {
         let cut = || self.views.iter().any(|view| view.photo.mask.is_some() && view.photo.is_cut());
         match asked {

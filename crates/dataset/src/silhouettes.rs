@@ -1,4 +1,4 @@
-//! Whether masks are the silhouettes of an object, or of what belongs to the lens.
+//! Tell masks that are silhouettes of an object from masks of the lens or of movement.
 
 use super::posed::{Point, View};
 use glam::UVec2;
@@ -23,15 +23,15 @@ const MIN_CHANGE: f64 = 0.02;
 /// Cells per side in which masks are compared.
 const CELLS: u32 = 16;
 
-/// What one mask says.
-struct Sight {
-    /// Whether it keeps each point; `None` for points outside the photo.
+/// One mask, compared with the tracked points.
+struct MaskVotes {
+    /// True for each point that it keeps; `None` for points outside the photo.
     keeps: Vec<Option<bool>>,
     /// Masked share of each cell.
     masked: Vec<f64>,
 }
 
-/// Whether the masks of `views` are the silhouettes of the object that `points` lie on. False where
+/// True if the masks of `views` are the silhouettes of the object that `points` lie on. False where
 /// a photo has none.
 pub(super) fn are_silhouettes(views: &[View], points: &[Point]) -> bool {
     if points.len() < MIN_POINTS || views.iter().any(|view| view.photo.mask.is_none()) {
@@ -39,18 +39,18 @@ pub(super) fn are_silhouettes(views: &[View], points: &[Point]) -> bool {
     }
     let chosen: Vec<&View> = evenly_spaced(views.len(), PHOTOS).map(|i| &views[i]).collect();
     // Who uses the masks reports those that cannot be decoded.
-    let seen: Option<Vec<Sight>> =
-        parallel::map(&chosen, |_, view| Sight::of(view, points)).into_iter().collect();
+    let seen: Option<Vec<MaskVotes>> =
+        parallel::map(&chosen, |_, view| MaskVotes::of(view, points)).into_iter().collect();
     seen.is_some_and(|seen| agree(&seen, points.len()))
 }
 
-fn agree(seen: &[Sight], points: usize) -> bool {
+fn agree(seen: &[MaskVotes], points: usize) -> bool {
     let cells = (CELLS * CELLS) as usize;
     let mean = |of: &dyn Fn(usize) -> f64| (0..cells).map(of).sum::<f64>() / cells as f64;
     let usual =
         |cell: usize| seen.iter().map(|sight| sight.masked[cell]).sum::<f64>() / seen.len() as f64;
     let area = mean(&usual);
-    let change = |sight: &Sight| mean(&|cell| (sight.masked[cell] - usual(cell)).abs());
+    let change = |sight: &MaskVotes| mean(&|cell| (sight.masked[cell] - usual(cell)).abs());
     let change = seen.iter().map(change).sum::<f64>() / seen.len() as f64;
     if area < MIN_AREA || change < MIN_CHANGE * area {
         return false;
@@ -73,7 +73,7 @@ fn agree(seen: &[Sight], points: usize) -> bool {
     objects >= MIN_POINTS && (masked as f64) < MAX_MASKED_RATIO * area * shown as f64
 }
 
-impl Sight {
+impl MaskVotes {
     fn of(view: &View, points: &[Point]) -> Option<Self> {
         let (size, weights) = view.photo.decode_mask().ok()??;
         let camera = view.camera.resized(size);

@@ -9,7 +9,7 @@
 
 use super::colmap_model::FoundPoint;
 use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
-use super::lens::{Distortion, Projection};
+use super::lens::{Distortion, LensProjection};
 use super::options::DatasetOptions;
 use super::points::read_ply;
 use super::posed::DatasetKind;
@@ -305,7 +305,7 @@ impl Keys<'_> {
         Ok(None)
     }
 
-    fn projection(&self) -> Result<Projection, String> {
+    fn projection(&self) -> Result<LensProjection, String> {
         let remedy = "undistort the photos first, or make pinhole views of them";
         let is = |key| self.value::<bool>(key).map(|flag| flag == Some(true));
         let model: Option<String> = self.value("camera_model")?;
@@ -318,25 +318,25 @@ impl Keys<'_> {
                     "the equal-area panorama of `equirectangular` is not read; {remedy}"
                 ));
             }
-            _ if is("latlong")? => Projection::Spherical,
-            _ if is("is_fisheye")? => Projection::Fisheye,
+            _ if is("latlong")? => LensProjection::Spherical,
+            _ if is("is_fisheye")? => LensProjection::Fisheye,
             None
             | Some(
                 "OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL"
                 | "perspective",
-            ) => Projection::Perspective,
-            Some("EQUIRECTANGULAR" | "SPHERICAL" | "equirectangular") => Projection::Spherical,
+            ) => LensProjection::Perspective,
+            Some("EQUIRECTANGULAR" | "SPHERICAL" | "equirectangular") => LensProjection::Spherical,
             Some(name)
                 if name.to_ascii_uppercase().ends_with("FISHEYE")
                     && !name.starts_with("RAD_TAN") =>
             {
-                Projection::Fisheye
+                LensProjection::Fisheye
             }
             Some(other) => return Err(format!("camera_model {other} is not read; {remedy}")),
         })
     }
 
-    fn lens(&self, projection: Projection) -> Result<LensClaim, String> {
+    fn lens(&self, projection: LensProjection) -> Result<LensClaim, String> {
         let number = |key: &str| self.number(key);
         let zero = |key: &str| Ok::<_, String>(number(key)?.unwrap_or(0.0));
         let size = match (number("w")?, number("h")?) {

@@ -1,7 +1,7 @@
 //! The photo of a wide lens as pinhole views that cover its field: one up to 110°, two or more
 //! above, the faces of a cube for 360°.
 
-use super::lens::{Lens, Projection, Undistort};
+use super::lens::{Lens, LensProjection, Undistort};
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -13,11 +13,11 @@ const CELLS: usize = 96;
 const NARROWEST: f64 = 0.12;
 
 /// A view before it is cut to what the lens shows.
-struct Part {
+struct ViewPart {
     name: &'static str,
     /// From the axes of the view to those of the lens.
     to_lens: DMat3,
-    /// Where its edges are, in units of the distance: left and upper, right and lower.
+    /// Edges in units of the distance: left and upper, right and lower.
     low: DVec2,
     high: DVec2,
 }
@@ -32,17 +32,17 @@ pub(super) fn plans(lens: &Lens) -> Result<Vec<(&'static str, Option<Undistort>)
         return Ok(vec![("", None)]);
     }
     let widest = lens.distortion.widest().min(lens.distortion.limit.unwrap_or(PI));
-    let field = Field { lens, widest };
+    let field = FieldOfView { lens, widest };
     let parts = match lens.distortion.projection {
-        Projection::Perspective => return Ok(vec![("", Some(Undistort::new(lens)?))]),
-        Projection::Spherical if 2 * lens.size.y != lens.size.x => {
+        LensProjection::Perspective => return Ok(vec![("", Some(Undistort::new(lens)?))]),
+        LensProjection::Spherical if 2 * lens.size.y != lens.size.x => {
             let [w, h] = lens.size.to_array();
             return Err(format!(
                 "an equirectangular (latlong) photo is twice as wide as high, this one is {w}x{h}"
             ));
         }
-        Projection::Spherical => cube(),
-        Projection::Fisheye => field.parts(),
+        LensProjection::Spherical => cube(),
+        LensProjection::Fisheye => field.parts(),
     };
     let plans: Vec<_> =
         parts.iter().filter_map(|part| Some((part.name, Some(field.plan(part)?)))).collect();
@@ -75,7 +75,7 @@ pub(super) fn photo(view: &str) -> String {
 const NAMES: [&str; 6] = ["front", "right", "back", "left", "up", "down"];
 
 /// The faces of a cube around the lens.
-fn cube() -> Vec<Part> {
+fn cube() -> Vec<ViewPart> {
     let turn = |name| match name {
         "front" => DMat3::IDENTITY,
         "up" => DMat3::from_rotation_x(FRAC_PI_2),
@@ -84,24 +84,24 @@ fn cube() -> Vec<Part> {
         "right" => DMat3::from_rotation_y(FRAC_PI_2),
         _ => DMat3::from_rotation_y(PI),
     };
-    let part = |name| Part { name, to_lens: turn(name), low: DVec2::NEG_ONE, high: DVec2::ONE };
+    let part = |name| ViewPart { name, to_lens: turn(name), low: DVec2::NEG_ONE, high: DVec2::ONE };
     NAMES.map(part).into()
 }
 
-/// What a lens shows.
-struct Field<'a> {
+/// Field of view of a lens.
+struct FieldOfView<'a> {
     lens: &'a Lens,
     /// From the axis, rad.
     widest: f64,
 }
 
-impl Field<'_> {
+impl FieldOfView<'_> {
     /// True for a direction that the lens shows.
     fn shows(&self, ray: DVec3) -> bool {
         let inside =
             |at: DVec2| at.cmpge(DVec2::ZERO).all() && at.cmple(self.lens.size.as_dvec2()).all();
         match self.lens.distortion.projection {
-            Projection::Fisheye => {
+            LensProjection::Fisheye => {
                 ray.angle_between(DVec3::Z) <= self.widest
                     && self.lens.pixel(ray).is_some_and(inside)
             }
@@ -117,7 +117,7 @@ impl Field<'_> {
     }
 
     /// The views of a fisheye lens.
-    fn parts(&self) -> Vec<Part> {
+    fn parts(&self) -> Vec<ViewPart> {
         let [left, right, up, down] =
             [DVec3::NEG_X, DVec3::X, DVec3::NEG_Y, DVec3::Y].map(|side| self.reach(side));
         let edge = |angle: f64| angle.min(WIDEST).tan();
@@ -128,10 +128,10 @@ impl Field<'_> {
             let mut high = high;
             low[side] = -edge(angle / 2.0);
             high[side] = edge(angle / 2.0);
-            Part { name, to_lens, low, high }
+            ViewPart { name, to_lens, low, high }
         };
         match (left.max(right) > WIDEST, up.max(down) > WIDEST) {
-            (false, false) => vec![Part { name: "", to_lens: DMat3::IDENTITY, low, high }],
+            (false, false) => vec![ViewPart { name: "", to_lens: DMat3::IDENTITY, low, high }],
             (true, false) => vec![
                 half("left", DMat3::from_rotation_y(-left / 2.0), 0, left),
                 half("right", DMat3::from_rotation_y(right / 2.0), 0, right),
@@ -146,7 +146,7 @@ impl Field<'_> {
 
     /// The resampling for the largest rectangle of `part` that the lens shows, if that is worth a
     /// picture.
-    fn plan(&self, part: &Part) -> Option<Undistort> {
+    fn plan(&self, part: &ViewPart) -> Option<Undistort> {
         let step = (part.high - part.low) / CELLS as f64;
         let at = |x: usize, y: usize| part.low + step * DVec2::new(x as f64, y as f64);
         let side = CELLS + 1;

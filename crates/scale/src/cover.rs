@@ -1,8 +1,8 @@
-//! Which photos each block gets: those that show it in drawings of the coarse scene, each cropped
+//! Photos of each block: all that show it in renderings of the coarse scene, each cropped
 //! to the part that shows it.
 
 use super::manifest::{Block, BlockPhoto};
-use super::region::Region;
+use super::region::BlockRegion;
 use crate::manifest::PlanOptions;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::ops::Range;
@@ -30,7 +30,8 @@ const ALIGNED_PX: u32 = 4;
 const FEWEST_PHOTOS: usize = 3;
 /// Triangles of a cell: the box of fewer is looked at as long as they are drawn.
 const CELL: usize = 64;
-/// What is farther outside a picture leaves no trace in it: windows and filters reach less far, px.
+/// Distance from a picture beyond which nothing affects it, as windows and filters reach less far,
+/// px.
 const REACH_PX: f32 = 8.0;
 
 /// A coarse scene that photos show.
@@ -44,7 +45,7 @@ pub(super) struct Coverage<'a> {
     options: SoftOptions,
 }
 
-/// What a thread draws with: the triangles that one camera may see.
+/// Rasteriser of one thread, and the triangles that one camera may see.
 #[derive(Default)]
 struct Brush {
     soft: SoftRasterizer,
@@ -54,7 +55,7 @@ struct Brush {
     importance: Importance,
 }
 
-/// What a photo shows of a block.
+/// Coverage of a block in a photo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct SeenBlock {
     block: usize,
@@ -76,7 +77,7 @@ pub(super) fn assign(
     options: &PlanOptions,
 ) -> Result<()> {
     let min_cover = options.min_cover as f32;
-    // Those that show too little of a block are known too, for blocks that have no others.
+    // Photos that show too little of a block are listed too, for blocks that have no others.
     let mut shown: Vec<Vec<(usize, SeenBlock)>> = vec![Vec::new(); blocks.len()];
     let looks: Vec<Vec<SeenBlock>> = parallel::map_with(views, Brush::default, |brush, _, view| {
         coverage.look(brush, &view.camera, blocks, 0.1 * min_cover)
@@ -106,7 +107,7 @@ pub(super) fn assign(
     Ok(())
 }
 
-/// Which triangles of the coarse scene the cropped photos of a block show. `[N]`
+/// True for each triangle of the coarse scene that the cropped photos of a block show. `[N]`
 pub(super) fn visible(
     block: &Block,
     views: &[&View],
@@ -148,7 +149,7 @@ impl<'a> Coverage<'a> {
         Self { cells, middles, owners, space, options }
     }
 
-    /// Which blocks `camera`, that of a whole photo, sees with at least `min_cover` of its picture.
+    /// Blocks that `camera`, of a whole photo, sees with at least `min_cover` of its picture.
     fn look(
         &self,
         brush: &mut Brush,
@@ -168,7 +169,8 @@ impl<'a> Coverage<'a> {
         let seen: Vec<(usize, f32)> = cover.into_iter().enumerate().filter(shows).collect();
         let mut seen_blocks = Vec::with_capacity(seen.len());
         for three in seen.chunks(3) {
-            let halos: Vec<&Region> = three.iter().map(|(block, _)| &blocks[*block].halo).collect();
+            let halos: Vec<&BlockRegion> =
+                three.iter().map(|(block, _)| &blocks[*block].halo).collect();
             let shown = self.shown(brush, &small, &halos);
             for (channel, &(block, cover)) in three.iter().enumerate() {
                 let part = part_of(&shown, channel, small.size, camera.size);
@@ -190,9 +192,9 @@ impl<'a> Coverage<'a> {
         small
     }
 
-    /// How much of each pixel of the last drawing, by `camera`, shows each of up to three regions.
-    /// `[H * W]`
-    fn shown(&self, brush: &mut Brush, camera: &Camera, regions: &[&Region]) -> Vec<[f32; 3]> {
+    /// Share of each pixel of the last rendering, by `camera`, that shows each of up to three
+    /// regions. `[H * W]`
+    fn shown(&self, brush: &mut Brush, camera: &Camera, regions: &[&BlockRegion]) -> Vec<[f32; 3]> {
         for (sh, i) in brush.soup.sh.iter_mut().zip(&brush.numbers) {
             let point = self.middles[*i as usize];
             *sh = [0, 1, 2].map(|c| {
@@ -265,7 +267,7 @@ fn reach(sums: &[f32], least: f32, mut order: impl Iterator<Item = usize>) -> Op
 }
 
 /// The owner of each triangle: the block whose core holds its middle.
-pub(super) fn owners(middles: &[Vec3], cores: &[Region]) -> Vec<u32> {
+pub(super) fn owners(middles: &[Vec3], cores: &[BlockRegion]) -> Vec<u32> {
     let owner =
         |point: Vec3| cores.iter().position(|core| core.contains(point)).unwrap_or(0) as u32;
     parallel::collect(middles.len(), GRAIN, |i| owner(middles[i]))
@@ -311,7 +313,7 @@ impl Cells {
         let mut runs: Vec<Range<usize>> = Vec::new();
         for (cell, [middle, half]) in self.boxes.iter().enumerate() {
             let at = camera.rotation * *middle + camera.translation;
-            // What is not finite is in every picture.
+            // A triangle that is not finite counts as visible in every picture.
             if sides.iter().any(|(side, reach)| side.dot(at) < -reach.dot(*half)) {
                 continue;
             }
@@ -396,7 +398,7 @@ mod tests {
     fn cameras_see_of_the_cells_before_them_what_they_see_of_the_scene() {
         let soup = street();
         let middles = middles(&soup);
-        let regions: Vec<Region> = Region::EVERYWHERE.cut(0, 200.0).into();
+        let regions: Vec<BlockRegion> = BlockRegion::EVERYWHERE.cut(0, 200.0).into();
         let owners = owners(&middles, &regions);
         let space = SceneNormalization { center: Vec3::new(10.0, 0.0, 0.0), scale: 0.5 };
         let coverage = Coverage::new(&soup, &middles, &owners, space, &SoftOptions::default());

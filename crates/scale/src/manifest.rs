@@ -1,7 +1,7 @@
 //! The plan of a scene that is trained in blocks: `manifest.json`, which every task reads and none
 //! writes.
 
-use crate::region::Region;
+use crate::region::BlockRegion;
 use glam::{UVec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -23,7 +23,7 @@ pub(super) const FORMAT: u32 = 6;
 /// The name of the plan in its folder.
 pub const NAME: &str = "manifest.json";
 
-/// Whether a path is a plan of a scene in blocks, or its folder.
+/// True for a plan of a scene in blocks, or its folder.
 pub fn is_plan(path: &Path) -> bool {
     path.join(NAME).is_file() || path.file_name().is_some_and(|name| name == NAME)
 }
@@ -40,7 +40,7 @@ pub struct Manifest {
     /// The data set, relative to the folder of this file: the one thing here that says where photos
     /// lie.
     pub dataset: String,
-    /// How it is read.
+    /// Options for reading it.
     pub dataset_options: DatasetOptions,
     /// The world point that is (0, 0, 0) in this file and in all soups beside it.
     pub origin: [f64; 3],
@@ -48,11 +48,11 @@ pub struct Manifest {
     pub space: ([f32; 3], f32),
     /// The coarse scene that blocks start from; none of a single block, which is a plain run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub coarse: Option<Source>,
+    pub coarse: Option<PlanFile>,
     /// The hash of the data set's points, where a block starts from them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub points: Option<String>,
-    /// How blocks are trained, without the steps, triangles and seed that are set per block.
+    /// Training options of blocks, without the steps, triangles and seed that are set per block.
     pub options: TrainOptions,
     /// The photos to train on, in order of name.
     pub photos: Vec<PlannedPhoto>,
@@ -77,16 +77,16 @@ pub struct PlannedPhoto {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Block {
-    /// What it owns: triangles whose middle is in here.
-    pub core: Region,
-    /// What it trains: the core and what lies around it.
-    pub halo: Region,
+    /// Region of the triangles it owns, by their middles.
+    pub core: BlockRegion,
+    /// Region that it trains: the core and a margin around it.
+    pub halo: BlockRegion,
     /// The photos that show it.
     pub photos: Vec<BlockPhoto>,
-    /// What it starts from: first triangles that are only drawn, then its part of the shell, then
+    /// Initial soup: first triangles that are only drawn, then its part of the shell, then
     /// those it trains. None of a plain run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub start: Option<Source>,
+    pub start: Option<PlanFile>,
     /// Number of triangles at the front of `start` that are drawn but not trained.
     pub frozen: u64,
     /// Number of triangles after those that belong to the shell.
@@ -95,13 +95,13 @@ pub struct Block {
     pub steps: u64,
     /// Number of these that the coarse scene made for all blocks; the block continues from there.
     pub first_step: u64,
-    /// It never trains more triangles than this, ...
+    /// Maximum number of triangles in training.
     pub max_triangles: u64,
     /// ... and never more in its core: its part of those of the whole scene.
     pub core_triangles: u64,
     /// The seed of its random choices.
     pub seed: u64,
-    /// What it will take, about.
+    /// Estimated cost.
     pub expected: Expected,
     /// The hash of all that its result depends on; part of the name of that.
     pub key: String,
@@ -119,7 +119,7 @@ pub struct BlockPhoto {
     pub cover: f32,
 }
 
-/// What training a block takes.
+/// Estimated cost of training a block.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Expected {
@@ -135,7 +135,7 @@ impl Manifest {
         SceneNormalization { center: Vec3::from_array(self.space.0), scale: self.space.1 }
     }
 
-    /// How block `index` is trained.
+    /// Training options of block `index`.
     pub fn options_of(&self, index: usize) -> TrainOptions {
         let Block { steps, max_triangles, seed, .. } = self.blocks[index];
         let mut options = TrainOptions { steps, max_triangles, seed, ..self.options.clone() };
@@ -228,7 +228,7 @@ impl Manifest {
     ///
     /// # Errors
     ///
-    /// What the operating system refuses.
+    /// A refusal of the operating system.
     pub fn write(&self, file: AtomicFile) -> Result<()> {
         let path = file.path().to_owned();
         let text = serde_json::to_string_pretty(self)
@@ -239,8 +239,8 @@ impl Manifest {
         Ok(())
     }
 
-    /// What blocks start from, and the coarse scene.
-    fn sources(&self) -> impl Iterator<Item = &Source> {
+    /// Initial soups of the blocks, and the coarse scene.
+    fn sources(&self) -> impl Iterator<Item = &PlanFile> {
         self.blocks.iter().filter_map(|block| block.start.as_ref()).chain(&self.coarse)
     }
 
@@ -261,7 +261,7 @@ impl Manifest {
     }
 }
 
-/// Whether a file of this name is what a block starts from or a coarse scene, finished or while it
+/// True for the name of a block's initial soup or of a coarse scene, finished or while it
 /// is made. The hash at the end of a finished one is that of its bytes, which [`sweep_folder`]
 /// compares.
 fn is_of_a_plan(name: &str) -> bool {
@@ -276,7 +276,7 @@ impl Block {
     pub(super) fn training_core(&self, space: &SceneNormalization) -> Core {
         let axes = [0, 1, 2];
         let to = |side: Option<f32>, a: usize| Some((side? - space.center[a]) * space.scale);
-        let Region { low, high } = self.core;
+        let BlockRegion { low, high } = self.core;
         Core {
             low: axes.map(|a| to(low[a], a)),
             high: axes.map(|a| to(high[a], a)),
@@ -300,7 +300,7 @@ impl BlockPhoto {
 
 // ---- How a scene is cut into blocks, declared once ----------------------------------------------
 
-/// How a scene is cut into blocks.
+/// Options for cutting a scene into blocks.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(default, deny_unknown_fields)]
@@ -323,7 +323,7 @@ pub struct PlanOptions {
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = PlanOptions::DEFAULT.block_photos))]
     #[schemars(range(max = 1_000_000))]
     pub block_photos: u32,
-    /// How often a block looks at each of its photos, as a share of how often a plain run does. 0:
+    /// Passes of a block over its photos, as a share of the passes of a plain run. 0:
     /// all blocks together draw 1.5 times the pixels of a plain run, which takes about as long, and
     /// no block looks more often than that run.
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = PlanOptions::DEFAULT.passes))]
@@ -380,7 +380,7 @@ const BUFFER: usize = 1 << 20;
 /// A file of the plan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Source {
+pub struct PlanFile {
     /// Its name in the folder of the plan.
     pub file: String,
     /// The hash of its bytes (XXH3).
@@ -393,7 +393,7 @@ pub struct Source {
 ///
 /// # Errors
 ///
-/// What the operating system refuses; no regular file.
+/// A refusal of the operating system; no regular file.
 pub(super) fn hash_of_file(path: &Path, limits: &Limits) -> Result<String> {
     let (mut file, _) = input::open(path, limits)?;
     let mut hash = Xxh3Default::new();
@@ -428,13 +428,13 @@ pub(super) fn write(
     path: &Path,
     (soup, provenance, cameras): (&Soup, &Provenance, &[Camera]),
     naming: Option<&mut AtomicFile>,
-) -> Result<(PathBuf, Source)> {
+) -> Result<(PathBuf, PlanFile)> {
     let mut bytes = Vec::new();
     ply::write_soup(&mut bytes, soup, provenance, cameras).map_err(|e| Error::io(path, e))?;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let (named, hash) = put(folder_of(path), (&stem, "ply"), &bytes, naming)?;
     let file = format!("{stem}-{hash}.ply");
-    Ok((named, Source { file, hash, triangles: soup.len() as u64 }))
+    Ok((named, PlanFile { file, hash, triangles: soup.len() as u64 }))
 }
 
 /// The finished coarse scene that was begun as `path`, if it is there and unchanged.
@@ -449,7 +449,7 @@ pub fn find_coarse(path: &Path, limits: &Limits) -> Option<PathBuf> {
 }
 
 /// Reads a soup of the plan, which must be as it was written.
-pub(super) fn read(folder: &Path, source: &Source, limits: &Limits) -> Result<ImportedScene> {
+pub(super) fn read(folder: &Path, source: &PlanFile, limits: &Limits) -> Result<ImportedScene> {
     let path = folder.join(&source.file);
     if hash_of_file(&path, limits)? != source.hash {
         return Err(Error::unsupported(&path, "has changed since it was planned; plan again"));

@@ -35,7 +35,7 @@ impl Blocks {
     ///
     /// # Errors
     ///
-    /// Those of [`Manifest::read`]; blocks that are not trained yet.
+    /// As of [`Manifest::read`]; blocks that are not trained yet.
     pub fn open(path: &Path, limits: &Limits) -> Result<Self> {
         let (manifest, folder) = Manifest::read(path, limits)?;
         let blocks = Self { manifest, folder, limits: *limits };
@@ -70,7 +70,7 @@ impl Blocks {
         &self.folder
     }
 
-    /// What a block owns.
+    /// Triangles in the core of a block.
     pub(super) fn read(&self, index: usize) -> Result<OwnedBlock> {
         let path = self.path(index);
         let options = ReadOptions { sh_degree: 3, limits: self.limits, ..ReadOptions::default() };
@@ -140,7 +140,7 @@ impl Blocks {
         Ok(count as u64)
     }
 
-    /// What each block owns, without the shell, one block after the other, with colours up to
+    /// Visit the triangles in the core of each block, without the shell, with colours up to
     /// `degree`.
     fn each(&self, degree: u8, mut take: impl FnMut(&Soup) -> Result<()>) -> Result<()> {
         (0..self.count()).try_for_each(|index| {
@@ -151,14 +151,14 @@ impl Blocks {
     }
 }
 
-/// What a block owns.
+/// Triangles in the core of a block.
 #[derive(Debug, Clone)]
 pub(super) struct OwnedBlock {
     /// Its part of the shell.
     pub shell: Soup,
     /// Everything else.
     pub rest: Soup,
-    /// Where it comes from.
+    /// Provenance of the scene.
     pub provenance: Provenance,
     /// The cameras of its photos.
     pub cameras: Vec<Camera>,
@@ -166,7 +166,7 @@ pub(super) struct OwnedBlock {
 
 // ---- The blocks of a scene as one tileset -------------------------------------------------------
 
-/// What was written.
+/// Written tiles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CityTiles {
     /// The folder of the tiles.
@@ -187,7 +187,7 @@ struct Node {
 ///
 /// # Errors
 ///
-/// Those of a bake; what the operating system refuses.
+/// As of a bake; a refusal of the operating system.
 pub fn bake_tiles(
     blocks: &Blocks,
     path: &Path,
@@ -218,7 +218,7 @@ pub fn bake_tiles(
     Ok(CityTiles { folder, bytes, triangles })
 }
 
-/// How the whole scene is placed, by its coarse scene; and how that was placed.
+/// Placement of the whole scene, found on its coarse scene; and that of the coarse scene itself.
 fn placement(blocks: &Blocks, options: &BakeOptions) -> Result<(Placement, Placement)> {
     let plan = &blocks.manifest;
     let mut scene = match &plan.coarse {
@@ -295,7 +295,7 @@ impl City<'_> {
         let to_file = |camera| frames::to_file(camera, &self.placement, DVec3::ZERO);
         let cameras = cameras.iter().map(to_file).collect();
         let scene = ImportedScene { cameras, ..self.placed(rest) };
-        // It is placed already, like all others.
+        // The mesh is placed already, like all others.
         let options = BakeOptions { place: PlaceOptions::DEFAULT, ..self.options.clone() };
         let asset = Bake::new(&options).run([scene])?;
         let triangles = asset.mesh.face_count() as u64;
@@ -330,7 +330,7 @@ impl City<'_> {
         });
         let asset = Bake::new(&options).run([self.placed(shell)])?;
         self.triangles += asset.mesh.face_count() as u64;
-        // It is everywhere, so that all below it is wanted until the whole is a few pixels wide.
+        // The shell is everywhere, so all below it is refined until the whole is a few pixels wide.
         let extent = bounds(&asset.mesh, asset.mesh.face_count())
             .map_or(0.0, |[low, high]| (high - low).length());
         let error = root.as_ref().map_or(0.0, |root| root.error).max(extent);

@@ -3,8 +3,8 @@
 
 use super::cover::{Coverage, assign, middles, owners, visible};
 use super::manifest::{Block, BlockPhoto, Expected, FORMAT, Manifest, PlannedPhoto};
-use super::region::{Region, Surroundings, cut, extent};
-use crate::manifest::{self, PlanOptions, Source, digits, hash_of, hash_of_file};
+use super::region::{BlockRegion, ContractedSpace, cut, extent};
+use crate::manifest::{self, PlanFile, PlanOptions, digits, hash_of, hash_of_file};
 use glam::{UVec2, Vec3};
 use std::path::{Component, Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, View};
@@ -13,7 +13,7 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::{Error, ImportedScene, Result, Scene, SceneNormalization, Soup, parallel};
 use trisplat_train::{REFERENCE_STEPS, RunIdentity, Schedule, TrainOptions, Trained};
 
-/// Where the coarse scene ends and the blocks continue, steps of a 30,000-step run: late, as all
+/// Step at which the coarse scene ends and the blocks continue, of a 30,000-step run: late, as all
 /// photos together show more than those of a block, but before triangles become opaque.
 const GOES_ON_AT: f64 = 18_000.0;
 /// Default share of a plain run's triangles that the coarse scene has: one in this many.
@@ -43,11 +43,11 @@ const HALO_ROOM: f64 = 2.0;
 pub struct Planner<'a> {
     /// All its photos; those held out are not planned with.
     pub dataset: &'a Dataset,
-    /// How it was read.
+    /// Options it was read with.
     pub dataset_options: &'a DatasetOptions,
-    /// How it is cut.
+    /// Options of the cut.
     pub options: &'a PlanOptions,
-    /// How the whole scene would be trained in a plain run.
+    /// Options of a plain training of the whole scene.
     pub whole: &'a TrainOptions,
 }
 
@@ -56,7 +56,7 @@ pub struct Planner<'a> {
 ///
 /// # Errors
 ///
-/// Those.
+/// A number that is out of range or contradicts another.
 pub fn check(options: &PlanOptions, whole: &TrainOptions, max_bytes: Option<u64>) -> Result<usize> {
     options.validate()?;
     whole.validate()?;
@@ -69,7 +69,7 @@ pub fn check(options: &PlanOptions, whole: &TrainOptions, max_bytes: Option<u64>
 }
 
 impl Planner<'_> {
-    /// How the coarse scene is trained, and after which step it ends: the first part of a plain run
+    /// Options and last step of the coarse scene's training: the first part of a plain run
     /// with fewer triangles; `None` when there is one block, which needs none.
     pub fn coarse_options(&self) -> Result<Option<(TrainOptions, u64)>> {
         if self.options.count()? == 1 {
@@ -155,7 +155,8 @@ impl Planner<'_> {
                 let cutter = Cutter::new(self, scene, &views, &cameras)?;
                 let hash = hash_of_file(path, &self.dataset_options.limits)?;
                 let file_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                let coarse = Source { file: file_name, hash, triangles: cutter.soup.len() as u64 };
+                let coarse =
+                    PlanFile { file: file_name, hash, triangles: cutter.soup.len() as u64 };
                 let space = (cutter.space.center.to_array(), cutter.space.scale);
                 (None, Some(coarse), space, cutter.blocks(file, max_bytes)?)
             }
@@ -231,7 +232,7 @@ pub(super) fn planned_photos(
     parallel::map(views.iter().zip(&identity.photos), planned).into_iter().collect()
 }
 
-/// What training a block takes, by formulas: a plan is a function of its inputs.
+/// Estimated cost of training a block, by formulas: a plan is a function of its inputs.
 fn expected(block: &Block, options: &TrainOptions, photo_bytes: u64) -> Expected {
     let areas: Vec<f64> = block
         .photos
@@ -306,12 +307,12 @@ impl<'a> Cutter<'a> {
     fn blocks(&self, file: &mut AtomicFile, max_bytes: Option<u64>) -> Result<Vec<Block>> {
         let positions: Vec<Vec3> = self.cameras.iter().map(Camera::position).collect();
         let inner: Vec<Vec3> = self.inner().map(|i| self.middles[i]).collect();
-        let cores = cut(&inner, self.planner.options.count()?, &Surroundings::of(&positions));
+        let cores = cut(&inner, self.planner.options.count()?, &ContractedSpace::of(&positions));
         let owners = owners(&self.middles, &cores);
         let mut held = vec![Vec::new(); cores.len()];
         self.inner().for_each(|i| held[owners[i] as usize].push(self.middles[i]));
         let seed = self.planner.whole.seed;
-        let block = |(i, core): (usize, &Region)| {
+        let block = |(i, core): (usize, &BlockRegion)| {
             let halo = core.grown(extent(&held[i]) * self.planner.options.halo as f32);
             Block { core: *core, halo, seed: seed.wrapping_add(i as u64), ..Block::default() }
         };
@@ -323,7 +324,7 @@ impl<'a> Cutter<'a> {
         let core_triangles = self.core_triangles(&owners, &blocks);
         let mut shown = Vec::with_capacity(blocks.len());
         for (owner, mut block) in blocks.into_iter().enumerate() {
-            // What no photo shows cannot be trained, and nobody misses it.
+            // A block that no photo shows cannot be trained, and nobody misses it.
             if block.photos.is_empty() {
                 continue;
             }
@@ -347,7 +348,7 @@ impl<'a> Cutter<'a> {
         (0..self.soup.len()).filter(|i| !self.soup.is_shell(*i))
     }
 
-    /// How often blocks look at their photos, as a share of how often a plain run does. By default
+    /// Passes of blocks over their photos, as a share of those of a plain run. By default
     /// all of them together draw 1.5 times as many pixels.
     fn passes(&self, blocks: &[Block]) -> f64 {
         let pixels = |size: UVec2| size.as_dvec2().element_product();
@@ -428,7 +429,7 @@ impl<'a> Cutter<'a> {
         index: usize,
         order: &[usize],
         manifest: &mut AtomicFile,
-    ) -> Result<Source> {
+    ) -> Result<PlanFile> {
         let begun = manifest.path().with_file_name(format!("start-{index:04}.ply"));
         let mut soup = self.soup.subset(order);
         // The plan says which of these are the block's part of it.

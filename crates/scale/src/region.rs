@@ -1,7 +1,7 @@
 //! Boxes of the world whose sides may be open, and how a scene is cut into them: about as many
 //! triangles in each, again and again across the longest extent.
 //!
-//! What is far outside of where photos were taken is contracted (as in Barron et al. 2022,
+//! Space far outside of the photos' places is contracted (as in Barron et al. 2022,
 //! *Mip-NeRF 360*, but along each axis separately, so that a cut stays a plane of the world). So a
 //! distant horizon does not decide how a town is cut.
 
@@ -16,18 +16,18 @@ const OUTLIERS: f32 = 0.02;
 /// A box whose sides may be open.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Region {
+pub struct BlockRegion {
     /// Lowest coordinates, inclusive; null: no lowest one.
     pub low: [Option<f32>; 3],
     /// Highest coordinates, exclusive; null: no highest one.
     pub high: [Option<f32>; 3],
 }
 
-impl Region {
+impl BlockRegion {
     /// All of space.
     pub(super) const EVERYWHERE: Self = Self { low: [None; 3], high: [None; 3] };
 
-    /// Whether a point is inside.
+    /// True for a point inside.
     pub(super) fn contains(&self, point: Vec3) -> bool {
         (0..3).all(|a| {
             self.low[a].is_none_or(|low| point[a] >= low)
@@ -35,7 +35,7 @@ impl Region {
         })
     }
 
-    /// Whether the box around a triangle reaches into this one.
+    /// True if the box around a triangle reaches into this one.
     pub(super) fn touches(&self, corners: &[Vec3; 3]) -> bool {
         let low = corners[0].min(corners[1]).min(corners[2]);
         let high = corners[0].max(corners[1]).max(corners[2]);
@@ -45,7 +45,7 @@ impl Region {
         })
     }
 
-    /// What is below `place` along an axis, and the rest.
+    /// Split at `place` along an axis: the lower part and the upper.
     pub(super) fn cut(&self, axis: usize, place: f32) -> [Self; 2] {
         let mut lower = *self;
         let mut upper = *self;
@@ -64,7 +64,7 @@ impl Region {
     }
 }
 
-/// How far nearly all of these reach along each axis.
+/// Extent of 90% of the points along each axis.
 pub(super) fn extent(middles: &[Vec3]) -> Vec3 {
     Vec3::from([0, 1, 2].map(|a| {
         let mut along: Vec<f32> = middles.iter().map(|p| p[a]).collect();
@@ -74,14 +74,14 @@ pub(super) fn extent(middles: &[Vec3]) -> Vec3 {
     }))
 }
 
-/// Where photos were taken: distances inside keep their length, those outside shrink.
+/// Space around the photos' places: distances inside keep their length, distances outside shrink.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Surroundings {
+pub(super) struct ContractedSpace {
     center: Vec3,
     radius: f32,
 }
 
-impl Surroundings {
+impl ContractedSpace {
     /// Of cameras at `positions`.
     pub(super) fn of(positions: &[Vec3]) -> Self {
         let middle = |a: usize| {
@@ -101,18 +101,18 @@ impl Surroundings {
 
 /// Cuts space into `count` boxes that hold about as many of `points` each. Boxes that one cut made
 /// follow each other: the first half of them, rounded up, is below the first cut.
-pub(super) fn cut(points: &[Vec3], count: usize, around: &Surroundings) -> Vec<Region> {
+pub(super) fn cut(points: &[Vec3], count: usize, around: &ContractedSpace) -> Vec<BlockRegion> {
     let mut boxes = Vec::with_capacity(count);
-    cut_box(&mut points.to_vec(), Region::EVERYWHERE, count, around, &mut boxes);
+    cut_box(&mut points.to_vec(), BlockRegion::EVERYWHERE, count, around, &mut boxes);
     boxes
 }
 
 fn cut_box(
     points: &mut [Vec3],
-    region: Region,
+    region: BlockRegion,
     count: usize,
-    around: &Surroundings,
-    out: &mut Vec<Region>,
+    around: &ContractedSpace,
+    out: &mut Vec<BlockRegion>,
 ) {
     if count <= 1 {
         out.push(region);
@@ -128,13 +128,13 @@ fn cut_box(
     cut_box(high, upper, above, around, out);
 }
 
-/// How many of `count` blocks are below a cut, and how many above.
+/// Numbers of blocks below and above a cut of `count`.
 pub(super) fn halves(count: usize) -> [usize; 2] {
     [count.div_ceil(2), count / 2]
 }
 
 /// The axis along which the points reach farthest, and where on it `share` of them is below.
-fn cut_place(points: &mut [Vec3], share: f64, around: &Surroundings) -> (usize, f32) {
+fn cut_place(points: &mut [Vec3], share: f64, around: &ContractedSpace) -> (usize, f32) {
     if points.is_empty() {
         return (0, 0.0);
     }
@@ -172,7 +172,7 @@ mod tests {
     #[test]
     fn every_point_is_in_one_box_and_boxes_are_alike() {
         let points = town(5000);
-        let around = Surroundings::of(&points);
+        let around = ContractedSpace::of(&points);
         for count in [1, 2, 3, 5, 8] {
             let boxes = cut(&points, count, &around);
             assert_eq!(boxes.len(), count);
@@ -193,7 +193,7 @@ mod tests {
     #[test]
     fn a_far_horizon_does_not_say_which_way_a_town_is_cut() {
         let mut points = town(1000);
-        let around = Surroundings::of(&points);
+        let around = ContractedSpace::of(&points);
         assert!(cut(&points, 2, &around)[0].high[0].is_some());
         // A tower of clouds, four times as high as the town is long.
         points.extend((0..100).map(|i| Vec3::new(50.0, 4.0 * i as f32, 30.0)));
@@ -202,7 +202,7 @@ mod tests {
 
     #[test]
     fn without_points_there_are_boxes_all_the_same() {
-        let around = Surroundings::of(&[]);
+        let around = ContractedSpace::of(&[]);
         assert_eq!(cut(&[], 4, &around).len(), 4);
         assert_eq!(
             cut(&[Vec3::ONE; 9], 3, &around).iter().filter(|b| b.contains(Vec3::ONE)).count(),

@@ -29,7 +29,7 @@ impl Task {
     ///
     /// # Errors
     ///
-    /// Those of [`Manifest::read`]; a block that is not there.
+    /// As of [`Manifest::read`]; a block that does not exist.
     pub fn open(path: &Path, index: usize, limits: &Limits) -> Result<Self> {
         let (manifest, folder) = Manifest::read(path, limits)?;
         let count = manifest.blocks.len();
@@ -48,12 +48,12 @@ impl Task {
         self.folder.join(self.block().file(self.index, ending))
     }
 
-    /// Where its soup goes; when it is there the task is done.
+    /// Path of its soup; the task is done once this file exists.
     pub fn output(&self) -> PathBuf {
         self.file("ply")
     }
 
-    /// Where it stands when it was stopped.
+    /// Path of its checkpoint.
     pub fn checkpoint(&self) -> PathBuf {
         self.file("checkpoint")
     }
@@ -96,7 +96,7 @@ impl Task {
         Ok((dataset, cameras))
     }
 
-    /// What it starts from; `None` for a plain run.
+    /// Initial scene; `None` for a plain run.
     ///
     /// # Errors
     ///
@@ -143,7 +143,7 @@ impl Task {
         Ok((TrainInputs { outputs, from, part, resume, ..run }, warning))
     }
 
-    /// What the run leaves behind; 0 `checkpoint_every`: ten checkpoints on the way.
+    /// Outputs of the run; 0 `checkpoint_every`: ten checkpoints on the way.
     pub fn outputs(
         &self,
         checkpoint_every: u64,
@@ -163,13 +163,13 @@ impl Task {
         }
     }
 
-    /// What was trained, as it is written: with the cameras of whole photos.
+    /// Result as it is written: with the cameras of whole photos.
     pub fn finished(&self, trained: Trained, cameras: Vec<Camera>) -> Trained {
         Trained { cameras, ..unnamed(trained) }
     }
 }
 
-/// What was trained, without the name of its data set: files of a plan are the same wherever the
+/// Result without the name of its data set: files of a plan are the same wherever the
 /// photos lie.
 pub fn unnamed(trained: Trained) -> Trained {
     Trained { provenance: Provenance { source: None, ..trained.provenance }, ..trained }

@@ -1,11 +1,11 @@
 //! The recipe: from a scene to its surface.
 
 use crate::fill::{Holes, drop_small, drop_small_areas, fill};
-use crate::fuse::{Block, Field, Fusion};
+use crate::fuse::{DistanceField, Fusion, VoxelBlock};
 use crate::grid::{Grid, blocks};
 use crate::nets::nets;
 use crate::options::{SurfaceDetails, SurfaceOptions};
-use crate::picture::{DepthPicture, Observer, pictures};
+use crate::picture::{DepthPicture, ViewFrustum, pictures};
 use crate::simplify::{simplify, smooth};
 use glam::Vec3;
 use trisplat_scene::camera::Camera;
@@ -24,10 +24,10 @@ const CRUMB: f64 = 0.1;
 
 /// The part of a scene that a surface is made of. All of the scene is drawn, so that its pictures
 /// have no holes where the rest begins.
-pub struct Part<'a> {
+pub struct SurfacePart<'a> {
     /// Corners of a box around it.
     pub bounds: [Vec3; 2],
-    /// Which faces of the surface belong to it. `[F]`
+    /// Selects the faces of the surface that belong to it. `[F]`
     pub keep: &'a dyn Fn(&Mesh) -> Vec<bool>,
 }
 
@@ -62,7 +62,7 @@ pub fn surface(
 pub fn surface_of_part(
     scene: &ImportedScene,
     cameras: &[Camera],
-    part: Option<&Part<'_>>,
+    part: Option<&SurfacePart<'_>>,
     options: &SurfaceOptions,
     limits: &Limits,
     details: &mut SurfaceDetails,
@@ -119,24 +119,24 @@ fn fused(
     grid: Grid,
     options: &SurfaceOptions,
     limits: &Limits,
-) -> Result<Field> {
+) -> Result<DistanceField> {
     let fusion = Fusion {
         grid,
         truncation: options.truncation as f32 * grid.voxel,
         min_views: options.min_views.min(pictures.len() as u32),
     };
     let numbers = blocks(pictures, &grid);
-    let mut blocks: Vec<Block> = limits.zeroed("the distance field", numbers.len())?;
-    let observers: Vec<Observer<'_>> = pictures.iter().map(Observer::new).collect();
+    let mut blocks: Vec<VoxelBlock> = limits.zeroed("the distance field", numbers.len())?;
+    let observers: Vec<ViewFrustum<'_>> = pictures.iter().map(ViewFrustum::new).collect();
     parallel::for_each_mut(&mut blocks, 1, |i, block| {
         *block = fusion.block(numbers[i], &observers)
     });
-    Ok(Field { numbers, blocks })
+    Ok(DistanceField { numbers, blocks })
 }
 
 // ---- A collider: a connected surface of few triangles, because the scene's own triangles overlap
 
-/// Whether a collider is made.
+/// Options of the collision mesh.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
@@ -169,7 +169,7 @@ trisplat_scene::default!(CollisionOptions);
     Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
 pub struct CollisionDetails {
-    /// How the surface was made.
+    /// Details of its surface.
     #[serde(flatten)]
     pub surface: SurfaceDetails,
 }

@@ -9,10 +9,10 @@ use trisplat_scene::mesh::{Colors, Mesh};
 /// Holes with more edges are not small.
 const MAX_EDGES: usize = 32;
 
-/// Which holes are closed.
+/// Choice of holes to close.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Holes {
-    /// Those with few edges.
+    /// Holes with at most [`MAX_EDGES`] edges.
     Small,
     /// All but the one that reaches farthest, which is the outline: one of zigzags may have more
     /// edges.
@@ -109,7 +109,7 @@ fn close(mesh: &mut Mesh, ring: &[u32]) {
 
 // ---- Connected pieces of a mesh -----------------------------------------------------------------
 
-/// What [`drop_small`] did.
+/// Result of [`drop_small`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Components {
     /// Pieces that are left.

@@ -1,7 +1,7 @@
 //! Signed distances from what the pictures saw: positive before the surface, negative behind it.
 
 use crate::grid::{Grid, SAMPLES, SIDE, block, place, within};
-use crate::picture::{DepthPicture, FREE, Observer};
+use crate::picture::{DepthPicture, FREE, ViewFrustum};
 use bytemuck::{Pod, Zeroable};
 use glam::{IVec3, Vec3};
 use std::sync::LazyLock;
@@ -17,7 +17,7 @@ const BEHIND: f32 = 0.25;
 static LINEAR: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|code| linear_from_srgb(code as f32 / 255.0)));
 
-/// How distances are fused.
+/// Parameters of the fusion of distances.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fusion {
     pub(super) grid: Grid,
@@ -40,7 +40,7 @@ struct Sums {
 impl Fusion {
     /// The samples of the block of this number. Pictures are taken in their order, so the sums do
     /// not depend on threads.
-    pub(super) fn block(&self, number: u64, observers: &[Observer<'_>]) -> Block {
+    pub(super) fn block(&self, number: u64, observers: &[ViewFrustum<'_>]) -> VoxelBlock {
         let first = block(number) * SIDE;
         let side = self.grid.voxel * SIDE as f32;
         let center = self.grid.sample(first) + side / 2.0;
@@ -68,14 +68,14 @@ impl Fusion {
         sums.views += 1;
         if distance < self.truncation {
             let color = picture.rgb[seen.pixel].map(|code| LINEAR[usize::from(code)]);
-            // Where a ray is slanted, its colour is that of a place beside the sample.
+            // On a slanted ray the colour is that of a place beside the sample.
             let weight = weight * seen.weight;
             sums.color += weight * Vec3::from(color);
             sums.color_weight += weight;
         }
     }
 
-    /// How much a distance counts, from 0 to 1. A ray is free up to where it ends; it says less and
+    /// Weight of a distance, from 0 to 1. A ray is free up to where it ends; it says less and
     /// less of what is behind, and little of a surface that it passes.
     fn trust(&self, distance: f32) -> f32 {
         if distance >= self.truncation {
@@ -87,8 +87,8 @@ impl Fusion {
         left.min(1.0).powi(4)
     }
 
-    fn finish(&self, sums: &[Sums; SAMPLES]) -> Block {
-        let mut block = Block::UNOBSERVED;
+    fn finish(&self, sums: &[Sums; SAMPLES]) -> VoxelBlock {
+        let mut block = VoxelBlock::UNOBSERVED;
         for (local, sums) in sums.iter().enumerate() {
             if sums.views >= self.min_views {
                 block.distance[local] = sums.distance / sums.weight;
@@ -107,29 +107,29 @@ impl Fusion {
 /// Samples of a block.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct Block {
+pub(super) struct VoxelBlock {
     /// Signed distance, units of the scene; NaN where nothing was observed.
     pub(super) distance: [f32; SAMPLES],
     /// sRGB codes.
     pub(super) rgb: [[u8; 3]; SAMPLES],
 }
 
-impl Block {
+impl VoxelBlock {
     pub(super) const UNOBSERVED: Self =
         Self { distance: [f32::NAN; SAMPLES], rgb: [[0; 3]; SAMPLES] };
 }
 
 /// A sparse lattice of distances.
 #[derive(Debug)]
-pub(super) struct Field {
+pub(super) struct DistanceField {
     /// Numbers of the blocks, ascending.
     pub(super) numbers: Vec<u64>,
     /// One block for each number.
-    pub(super) blocks: Vec<Block>,
+    pub(super) blocks: Vec<VoxelBlock>,
 }
 
-impl Field {
-    /// Where a sample is: the index of its block and its place there.
+impl DistanceField {
+    /// Index of a sample's block, and its place there.
     pub(super) fn find(&self, sample: IVec3) -> Option<(usize, usize)> {
         let (number, local) = place(sample)?;
         Some((self.numbers.binary_search(&number).ok()?, local))

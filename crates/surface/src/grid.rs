@@ -25,7 +25,7 @@ const BITS: u32 = 21;
 /// A lattice over a box of the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Grid {
-    /// Where sample (0, 0, 0) lies.
+    /// Position of sample (0, 0, 0).
     pub(super) origin: Vec3,
     /// Distance between samples.
     pub(super) voxel: f32,
@@ -60,7 +60,7 @@ impl Grid {
         Ok(Some(Self { origin: low, voxel, blocks: blocks.as_ivec3() }))
     }
 
-    /// Where a sample lies.
+    /// Position of a sample.
     pub(super) fn sample(&self, at: IVec3) -> Vec3 {
         self.origin + at.as_vec3() * self.voxel
     }

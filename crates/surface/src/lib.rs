@@ -25,5 +25,7 @@ mod options;
 mod picture;
 mod simplify;
 
-pub use extract::{CollisionDetails, CollisionOptions, Part, collision, surface, surface_of_part};
+pub use extract::{
+    CollisionDetails, CollisionOptions, SurfacePart, collision, surface, surface_of_part,
+};
 pub use options::{SurfaceDetails, SurfaceOptions};

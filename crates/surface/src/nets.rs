@@ -1,7 +1,7 @@
 //! Surface nets (Gibson 1998): a vertex for every sheet of the surface in a cell, a quadrilateral
 //! across every edge of the lattice that it crosses. Cells with an unobserved corner have none.
 
-use crate::fuse::Field;
+use crate::fuse::DistanceField;
 use crate::grid::{Grid, SAMPLES, SIDE, block, within};
 use glam::{IVec3, Vec3};
 use std::ops::Range;
@@ -27,7 +27,7 @@ struct BlockVertices {
 }
 
 /// The zero of `field` as a connected mesh with a colour per vertex; its fronts face what is free.
-pub(super) fn nets(field: &Field, grid: &Grid) -> Mesh {
+pub(super) fn nets(field: &DistanceField, grid: &Grid) -> Mesh {
     let mut blocks = parallel::collect(field.blocks.len(), 1, |i| block_vertices(field, grid, i));
     let mut count = 0;
     for block in &mut blocks {
@@ -49,7 +49,12 @@ fn corner(i: usize) -> IVec3 {
 }
 
 /// Distances at the corners of a cell; `None` when one is not known or the surface is not in it.
-fn corners(field: &Field, index: usize, cell: IVec3, local: usize) -> Option<[f32; CORNERS]> {
+fn corners(
+    field: &DistanceField,
+    index: usize,
+    cell: IVec3,
+    local: usize,
+) -> Option<[f32; CORNERS]> {
     let inner = within(local).max_element() < SIDE - 1;
     let distance = |i: usize| {
         if inner {
@@ -68,7 +73,7 @@ fn corners(field: &Field, index: usize, cell: IVec3, local: usize) -> Option<[f3
     (mixed && all.iter().all(|d| !d.is_nan())).then_some(all)
 }
 
-fn block_vertices(field: &Field, grid: &Grid, index: usize) -> BlockVertices {
+fn block_vertices(field: &DistanceField, grid: &Grid, index: usize) -> BlockVertices {
     let first = block(field.numbers[index]) * SIDE;
     let mut out = BlockVertices::default();
     for local in 0..SAMPLES {
@@ -95,7 +100,7 @@ fn block_vertices(field: &Field, grid: &Grid, index: usize) -> BlockVertices {
 }
 
 /// Corners of the triangles across the edges that start at the samples of a block.
-fn block_faces(field: &Field, blocks: &[BlockVertices], index: usize) -> Vec<u32> {
+fn block_faces(field: &DistanceField, blocks: &[BlockVertices], index: usize) -> Vec<u32> {
     let first = block(field.numbers[index]) * SIDE;
     // The vertex of the sheet that crosses the edge from `sample` along `axis`.
     let vertex = |cell: IVec3, sample: IVec3, axis: usize| -> Option<(u32, Vec3)> {

@@ -1,4 +1,4 @@
-//! How a surface is made.
+//! Options of surface extraction.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,7 +16,7 @@ const CELLS_PER_SIDE: f64 = 1.3;
 /// the square of the cells.
 const CELLS_OF_SCENE: f64 = 6.0;
 
-/// How a connected surface is made.
+/// Options of surface extraction.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
@@ -95,10 +95,10 @@ trisplat_scene::default!(SurfaceOptions);
 
 // ---- What the making of a surface measured ------------------------------------------------------
 
-/// What a surface was made of, and what was dropped.
+/// Inputs of a surface, and its dropped components.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SurfaceDetails {
-    /// Where chosen cameras stood; absent when cameras were given.
+    /// Kind of chosen viewpoints; absent when the input has cameras.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viewpoints: Option<ViewpointKind>,
     /// Depth pictures that were drawn, one per camera.
@@ -116,7 +116,7 @@ pub struct SurfaceDetails {
     pub small: u64,
     /// Small holes that were closed.
     pub holes: u64,
-    /// How far simplification moved the surface, units of the input, as it estimates it; absent
+    /// Estimated error of simplification, units of the input; absent
     /// when nothing was simplified.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub simplification_error: Option<f64>,

@@ -1,4 +1,4 @@
-//! What one camera sees: how far away, and in which colour.
+//! Depth picture of one camera: distance and colour of the nearest surface.
 
 use glam::{UVec2, Vec2, Vec3};
 use trisplat_raster::soft::SoftOptions;
@@ -41,7 +41,7 @@ pub(super) struct Observation {
     /// Distance from the surface's plane per difference of depth: small where the surface is seen
     /// at a grazing angle.
     pub(super) slant: f32,
-    /// How much it counts.
+    /// Weight in the fusion.
     pub(super) weight: f32,
     /// The pixel nearest to it.
     pub(super) pixel: usize,
@@ -66,9 +66,9 @@ impl DepthPicture {
         point.is_finite().then_some(point)
     }
 
-    /// What is seen on the ray to `q`, a point in the camera's frame. Between pixels whose depths
-    /// differ by less than `step` the surface is a plane, on which 1/z is linear in the picture;
-    /// elsewhere the nearest pixel is taken.
+    /// Observe the surface on the ray to `q`, a point in the camera's frame. Between pixels whose
+    /// depths differ by less than `step` the surface is a plane, on which 1/z is linear in the
+    /// picture; elsewhere the nearest pixel is taken.
     pub(super) fn observe(&self, q: Vec3, step: f32) -> Option<Observation> {
         let Camera { focal, center, size, .. } = self.camera;
         if !(q.z > 0.0) {
@@ -103,7 +103,8 @@ impl DepthPicture {
     /// The plane through four pixels, at a place between them.
     ///
     /// ```text
-    /// 1/z = n · r    r = ((x - cx) / fx, (y - cy) / fy, 1)    a point p in front of the plane is (1 - n · p) / |n| away from it
+    /// 1/z = n · r r = ((x - cx) / fx, (y - cy) / fy, 1) a point p in front of the plane is (1 - n
+    /// · p) / |n| away from it
     /// ```
     fn on_plane(&self, around: [f32; 4], at: Vec2, share: Vec2, pixel: usize) -> Observation {
         let [a, b, c, d] = around.map(f32::recip);
@@ -123,13 +124,13 @@ impl DepthPicture {
 
 /// A picture and the sides of its pyramid of view.
 #[derive(Debug)]
-pub(super) struct Observer<'a> {
+pub(super) struct ViewFrustum<'a> {
     pub(super) picture: &'a DepthPicture,
     /// Unit normals, inwards, of the four sides, in the camera's frame.
     sides: [Vec3; 4],
 }
 
-impl<'a> Observer<'a> {
+impl<'a> ViewFrustum<'a> {
     pub(super) fn new(picture: &'a DepthPicture) -> Self {
         let camera = &picture.camera;
         let low = -camera.center / camera.focal;
@@ -143,7 +144,7 @@ impl<'a> Observer<'a> {
         Self { picture, sides: sides.map(Vec3::normalize) }
     }
 
-    /// Whether some of a ball may be in view.
+    /// True if some of a ball may be in view.
     pub(super) fn sees(&self, center: Vec3, radius: f32) -> bool {
         let center = self.picture.to_camera(center);
         center.z > -radius && self.sides.iter().all(|side| side.dot(center) > -radius)
@@ -170,7 +171,7 @@ const SAME_SURFACE: f32 = 0.05;
 /// Depth of the near plane in units of training space, as in training.
 const NEAR: f32 = 0.01;
 
-/// What every camera sees of `scene`, with its `shell` or without. Where all pictures together
+/// Draw the depth pictures of `scene`, with its `shell` or without. Where all pictures together
 /// would be too large, each is smaller.
 pub(super) fn pictures(
     scene: &Scene,

@@ -11,28 +11,28 @@ use trisplat_scene::math::color::srgb_from_linear;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{Error, Result, parallel};
 
-/// How much a change of colour counts: one from black to white as a move by this share of the
+/// Weight of a colour change: one from black to white counts as a move by this share of the
 /// mesh's size.
 const COLOR_WEIGHT: f32 = 0.02;
 /// A piece whose share of the area is worth fewer triangles is dropped: an octahedron has as many.
 const MIN_FACES_PER_PIECE: f64 = 8.0;
-/// Maximum number of triangles that edge collapses start from, per triangle that stays: their time has no other
-/// bound.
+/// Maximum number of triangles that edge collapses start from, per triangle that stays: their time
+/// has no other bound.
 const MAX_FACES_PER_KEPT_FACE: usize = 512;
 /// Side of the first cells in which vertices are joined, in the length of the mean edge.
 const FIRST_CELL: f32 = 2.0;
-/// How much larger cells are in the next round.
+/// Growth of the cells from round to round.
 const NEXT_CELL: f32 = 1.5;
 
 /// Edge collapses that leave less of the surface's extent along an axis are not used.
 const MIN_SIZE: f32 = 0.5;
 
-/// What simplification did.
+/// Result of simplification.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Simplified {
-    /// How far the surface moved, units of the mesh, as it estimates it.
+    /// Estimated movement of the surface, units of the mesh.
     pub(super) error: f64,
-    /// What became of pieces too small for the triangles that were left.
+    /// Components kept and dropped for the triangle limit.
     pub(super) pieces: Components,
 }
 
@@ -178,7 +178,7 @@ fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
     }
 }
 
-/// Which cell each vertex is in, numbered from 0 in the order of space. `[V]`
+/// Cell of each vertex, numbered from 0 in the order of space. `[V]`
 fn cells(positions: &[Vec3], side: f32) -> Vec<u32> {
     let low = positions.iter().copied().reduce(Vec3::min).unwrap_or_default();
     let high = positions.iter().copied().reduce(Vec3::max).unwrap_or_default();

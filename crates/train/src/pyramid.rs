@@ -2,7 +2,7 @@
 
 use glam::UVec2;
 use std::sync::Arc;
-use trisplat_dataset::{Photos, PictureFile, StoredPicture, View};
+use trisplat_dataset::{Photos, PictureFile, StoredPhoto, View};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::{Result, Rng};
 
@@ -28,7 +28,7 @@ pub(crate) struct Pyramid {
 #[derive(Debug, Clone)]
 enum SmallPhoto {
     Held(Arc<RgbImage>),
-    Stored(StoredPicture),
+    Stored(StoredPhoto),
 }
 
 /// Small photos take a quarter of the memory of the full ones, so they get a fifth of all.

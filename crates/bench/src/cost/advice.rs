@@ -1,5 +1,5 @@
-//! What a grid says in one sentence: the settings to use, what they cost and reach, and what more
-//! time would give.
+//! Advice of a grid in one sentence: the settings to use, their cost and quality, and the gain of
+//! more time would give.
 
 use super::grid::CostCell;
 
@@ -21,7 +21,7 @@ fn difference_band(cell: &CostCell) -> f64 {
     cell.psnr_band.map_or(0.0, |band| band * std::f64::consts::SQRT_2).max(MIN_DB)
 }
 
-/// What twice the seconds of the `best` cell should give, dB: gains of doublings are taken to
+/// Expected gain of twice the seconds of the `best` cell, dB: gains of doublings are taken to
 /// shrink geometrically.
 fn gain_of_doubling(cells: &[CostCell], best: &CostCell) -> Option<f64> {
     // The closest within a share of its time.

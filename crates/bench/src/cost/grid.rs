@@ -1,4 +1,4 @@
-//! Which trainings are worth their time: every number of triangles with ever more steps, until the
+//! Grid of trainings: every number of triangles with ever more steps, until the
 //! next would take more than the budget.
 
 use serde::Serialize;
@@ -13,14 +13,14 @@ const MIN_GAIN: f64 = 0.05;
 
 /// The steps and triangles to try, both ascending.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Grid {
+pub(super) struct CostGrid {
     pub(super) steps: Vec<u64>,
     pub(super) triangles: Vec<u64>,
     /// Maximum CPU seconds of a training.
     pub(super) budget: f64,
 }
 
-impl Grid {
+impl CostGrid {
     /// Of what is given; the usual ones where nothing is.
     ///
     /// # Errors
@@ -53,7 +53,7 @@ impl Grid {
     ///
     /// # Errors
     ///
-    /// Those of `train`.
+    /// As of `train`.
     pub(super) fn measure(
         &self,
         mut train: impl FnMut(u64, u64) -> Result<CostCell>,
@@ -216,7 +216,7 @@ mod tests {
 
     #[test]
     fn no_training_takes_more_than_the_budget_and_rows_end_where_triangles_gain_nothing() {
-        let grid = Grid::new(&[], &[], 30.0).unwrap();
+        let grid = CostGrid::new(&[], &[], 30.0).unwrap();
         assert_eq!(
             (&grid.steps[..3], &grid.triangles[..3]),
             (&[250, 500, 1000][..], &[3000, 10_000, 30_000][..])
@@ -234,13 +234,13 @@ mod tests {
 
     #[test]
     fn what_is_given_is_tried_as_far_as_it_fits() {
-        let grid = Grid::new(&[100, 1000], &[1000, 2000], 1.0).unwrap();
+        let grid = CostGrid::new(&[100, 1000], &[1000, 2000], 1.0).unwrap();
         let cells = grid.measure(cell).unwrap();
         let tried: Vec<(u64, u64)> =
             cells.iter().map(|cell| (cell.steps, cell.max_triangles)).collect();
         assert_eq!(tried, [(100, 1000), (1000, 1000), (100, 2000)]);
-        assert_eq!(Grid::new(&[100], &[2000], 1e-9).unwrap().measure(cell).unwrap().len(), 1);
-        let message = Grid::new(&[100, 100], &[], 1.0).unwrap_err().to_string();
+        assert_eq!(CostGrid::new(&[100], &[2000], 1e-9).unwrap().measure(cell).unwrap().len(), 1);
+        let message = CostGrid::new(&[100, 100], &[], 1.0).unwrap_err().to_string();
         assert!(message.contains("steps is 100,100"), "{message}");
     }
 

@@ -7,7 +7,7 @@ mod grid;
 
 use crate::machine::{Machine, print_json};
 use advice::advice;
-use grid::{CostCell, CostRun, Grid, compare};
+use grid::{CostCell, CostGrid, CostRun, compare};
 use serde::Serialize;
 use std::ops::ControlFlow::Continue;
 use std::path::PathBuf;
@@ -18,7 +18,7 @@ use trisplat_scene::report::counted;
 use trisplat_scene::{Error, Result, Seconds};
 use trisplat_train::TrainOptions;
 
-/// What to measure.
+/// Measurement of the cost of quality.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct CostArgs {
     /// Posed photos.
@@ -40,12 +40,12 @@ pub(crate) struct CostArgs {
     /// Print the report as JSON.
     #[arg(long)]
     json: bool,
-    /// How the data set is read.
+    /// Options for reading the data set.
     #[command(flatten)]
     dataset_options: DatasetOptions,
 }
 
-/// What `--json` prints.
+/// Report printed by `--json`.
 #[derive(Debug, Serialize)]
 struct CostReport {
     #[serde(flatten)]
@@ -62,7 +62,7 @@ struct CostReport {
     budget: f64,
     /// The grid, in the order in which it was trained.
     cells: Vec<CostCell>,
-    /// What it says.
+    /// Its text.
     advice: String,
 }
 
@@ -71,7 +71,7 @@ struct CostReport {
 /// # Errors
 /// Lists that do not ascend; photos that cannot be read, or too few to leave some out.
 pub(crate) fn run(args: &CostArgs) -> Result<()> {
-    let grid = Grid::new(&args.steps, &args.max_triangles, args.budget.0)?;
+    let grid = CostGrid::new(&args.steps, &args.max_triangles, args.budget.0)?;
     let photos = left_out(&Dataset::load(&args.dataset, &args.dataset_options)?)?;
     eprintln!("   steps  triangles     CPU s  PSNR dB    SSIM   of each seed");
     let cell = |steps, max_triangles| {
@@ -157,7 +157,7 @@ fn line(cell: &CostCell) -> String {
     )
 }
 
-/// What was measured with, the front with its bands, and the settings to use.
+/// Summary: the machine, the front with its bands, and the settings to use.
 fn summary(report: &CostReport) -> Vec<String> {
     let size = ShrunkSize::beside(report.photo_size);
     let watched = report.watched.len();

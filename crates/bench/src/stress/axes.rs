@@ -1,5 +1,5 @@
-//! What a case of the stress test is stretched along, one table: its name, range, ordinary value,
-//! and how it is applied.
+//! Axes along which a case of the stress test is stretched, one table: name, range, ordinary value,
+//! and application.
 
 use serde::{Deserialize, Serialize};
 
@@ -51,7 +51,7 @@ pub(super) struct AxisRow {
     pub(super) most_in_pairs: f64,
     /// The value in a case that is not stretched along it.
     pub(super) ordinary: f64,
-    /// Whether values are spread evenly by their logarithm.
+    /// True when values are spread evenly by their logarithm.
     pub(super) log: bool,
 }
 
@@ -98,7 +98,8 @@ impl AxisRow {
         value.clamp(from, to)
     }
 
-    /// Where a value lies between `from` and `to`, in [0, 1]: the inverse of [`Self::between`].
+    /// Share of the way from `from` to `to` at a value, in [0, 1]: the inverse of
+    /// [`Self::between`].
     pub(super) fn share(&self, from: f64, to: f64, value: f64) -> f64 {
         let share = if self.log {
             (value / from).ln() / (to / from).ln()

@@ -16,14 +16,14 @@ use trisplat_scene::{Error, Result, Rng, Soup};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StressCase {
-    /// Where its triangles lie.
+    /// Seed of its triangles' places.
     pub(super) seed: u64,
     /// Its values; ordinary on every other axis.
     #[serde(default)]
     pub(super) axes: BTreeMap<Axis, f64>,
 }
 
-/// How the axes of a random case were chosen.
+/// Choice of the axes of a random case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stretch {
     /// One axis, over all of its range.
@@ -61,7 +61,7 @@ impl StressCase {
         serde_json::to_string(self).unwrap_or_default()
     }
 
-    /// Whether every value lies in the promises' domain.
+    /// True when every value lies in the promises' domain.
     pub(super) fn is_promised(&self) -> bool {
         let inside = |row: &AxisRow| {
             let (least, most) = domain(row.axis);
@@ -70,7 +70,7 @@ impl StressCase {
         AXES.iter().all(inside)
     }
 
-    /// Whether a promise on such cases holds for this one, which may be drawn from the promises'
+    /// True if a promise on such cases holds for this one, which may be drawn from the promises'
     /// domain.
     pub(super) fn is_on(&self, on: On, promised: bool) -> bool {
         let side = || self.value(Axis::Aspect) * self.value(Axis::Inradius).max(1.0);
@@ -139,14 +139,14 @@ const FEW: f64 = 8.0;
 /// SH degree of the triangles.
 const DEGREE: u8 = 3;
 
-/// What is drawn, and how.
+/// Scene and its rendering.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct StressScene {
     /// The triangles.
     pub(super) soup: Soup,
     /// The camera.
     pub(super) camera: Camera,
-    /// How they are drawn.
+    /// Options of the rasteriser.
     pub(super) options: SoftOptions,
 }
 

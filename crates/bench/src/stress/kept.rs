@@ -1,4 +1,4 @@
-//! What becomes of a case in files and bakes: positions that come back from a GLB, plain and
+//! Errors of a case in files and bakes: positions that come back from a GLB, plain and
 //! quantised; triangles that are lost, and numbers that are not finite.
 
 use super::case::StressScene;
@@ -80,7 +80,7 @@ pub(super) fn lost(scene: &StressScene) -> f64 {
 /// Numbers that are not finite in a bake of the soft case, without pictures of it.
 pub(super) fn non_finite(scene: &StressScene) -> f64 {
     let options = BakeOptions { teacher: TeacherOptions::OFF, ..BakeOptions::default() };
-    // What holds nothing to draw is refused.
+    // A bake refuses a scene without anything to draw.
     let Ok(asset) = bake(ImportedScene::from(scene.soup.clone()), &options) else { return 0.0 };
     let Mesh { positions, .. } = &asset.mesh;
     let colors =
@@ -89,7 +89,7 @@ pub(super) fn non_finite(scene: &StressScene) -> f64 {
     numbers.filter(|number| !number.is_finite()).count() as f64
 }
 
-/// Whether a triangle is within reach and has an area.
+/// True for a triangle within reach that has an area.
 fn can_be_drawn(corners: &[Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(|corner| corner.as_dvec3());
     let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));

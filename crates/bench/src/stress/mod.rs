@@ -30,7 +30,7 @@ const KEPT_EVERY: u64 = 32;
 /// hundreds of pictures.
 const GRADIENTS_EVERY: u64 = 16;
 
-/// What to measure.
+/// Measurement of the stress test.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct StressArgs {
     /// Random cases.
@@ -50,7 +50,7 @@ pub(crate) struct StressArgs {
     json: bool,
 }
 
-/// What `--json` prints.
+/// Report printed by `--json`.
 #[derive(Debug, Serialize)]
 struct StressReport {
     #[serde(flatten)]
@@ -114,7 +114,7 @@ impl PromiseResult {
         }
     }
 
-    /// Whether there are no more failures than the rate allows, by four standard deviations of a
+    /// True when there are no more failures than the rate allows, by four standard deviations of a
     /// count of rare events.
     fn is_kept(&self) -> bool {
         let allowed = self.rate * self.of as f64;

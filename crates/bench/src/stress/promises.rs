@@ -1,4 +1,4 @@
-//! What is promised of the rasterisers and the files, in numbers: the one table, which
+//! Promises of the rasterisers and the files, in numbers: the one table, which
 //! `trisplat-bench stress` checks and docs/numerics.md repeats.
 
 use super::axes::Axis;
@@ -22,7 +22,7 @@ pub(super) fn domain(axis: Axis) -> (f64, f64) {
     }
 }
 
-/// What is measured.
+/// Measured quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Promise {
     /// 99.9% of the values of soft frames: error relative to 1 or to the largest sum of magnitudes
@@ -53,7 +53,7 @@ pub(super) enum Promise {
 /// Cases on which a promise holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum On {
-    /// Those whose values lie in [`domain`].
+    /// Cases whose values lie in [`domain`].
     Domain,
     /// All of them, to the ends of the axes, whose triangles are no longer than [`REACH`] times
     /// their depth.
@@ -69,11 +69,11 @@ pub(super) const REACH: f64 = 100.0;
 /// A row of the table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PromiseRow {
-    /// What is measured.
+    /// Measured quantity.
     pub(super) promise: Promise,
     /// Its name in reports.
     pub(super) name: &'static str,
-    /// Where it holds.
+    /// Cases for which it holds.
     pub(super) on: On,
     /// The largest value that is no failure.
     pub(super) at_most: f64,

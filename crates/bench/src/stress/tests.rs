@@ -125,7 +125,7 @@ const SCALE: f64 = 3.7;
 /// Threads that a scene is drawn with in place of one.
 const THREADS: usize = 3;
 
-/// What is changed.
+/// Change of a scene that keeps its picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Change {
     Nothing,

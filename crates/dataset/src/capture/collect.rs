@@ -3,7 +3,7 @@
 use super::heic::{Converter, is_heic};
 use super::log::{Log, tell};
 use super::program::CaptureOptions;
-use super::source::{SourcePhoto, Sources};
+use super::source::{CaptureSources, SourcePhoto};
 use super::video::Ffmpeg;
 use crate::exif::{PhotoNotes, with_notes};
 use glam::UVec2;
@@ -25,7 +25,7 @@ const QUALITY: u8 = 97;
 /// Photos between two checks for a stop request.
 const CHUNK: usize = 8;
 
-/// Where photos came from.
+/// Origin of photos.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct PhotosDetails {
@@ -48,7 +48,7 @@ pub struct PhotosDetails {
 trisplat_scene::stage!(PhotosDetails, "photos");
 
 /// A photo to be collected.
-struct Opened {
+struct OpenedPhoto {
     source: SourcePhoto,
     /// The file of its pixels: its own, or one that another program made of it.
     file: PathBuf,
@@ -56,12 +56,12 @@ struct Opened {
     /// Upright.
     size: UVec2,
     /// The conversion it needs.
-    change: Change,
+    change: PhotoChange,
     is_jpeg: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Change {
+enum PhotoChange {
     /// Copy the file unchanged.
     Copied,
     /// Copy the pixels, and write the notes of the photo into the file.
@@ -95,12 +95,12 @@ pub(super) struct TakenPhoto {
     pub(super) name: String,
     /// Its source file.
     pub(super) source: String,
-    /// Whether it is a video frame.
+    /// True for a video frame.
     pub(super) frame: bool,
 }
 
 /// Path, size and time of each input, and the option that decides about frames.
-pub(super) fn inputs(sources: &Sources, options: &CaptureOptions) -> Result<Vec<String>> {
+pub(super) fn inputs(sources: &CaptureSources, options: &CaptureOptions) -> Result<Vec<String>> {
     let files = sources.photos.iter().map(|photo| &photo.path).chain(&sources.videos);
     let about = |path: &PathBuf| {
         let io = |e| Error::io(path, e);
@@ -176,7 +176,7 @@ fn holds_something(folder: &Path) -> bool {
 /// Collects the photos of `sources` in a folder: all of them or none. With `skip_broken` those that
 /// cannot be read are left out, which a warning says.
 pub(super) fn collect(
-    sources: &Sources,
+    sources: &CaptureSources,
     inputs: Vec<String>,
     (folder, options, skip_broken): (&Path, &CaptureOptions, bool),
     details: &mut PhotosDetails,
@@ -198,7 +198,7 @@ pub(super) fn collect(
         }
     }
     let left_out = left_out(&broken, sources, skip_broken)?;
-    let groups: BTreeSet<String> = opened.iter().map(Opened::group).collect();
+    let groups: BTreeSet<String> = opened.iter().map(OpenedPhoto::group).collect();
     let by_folder = groups.len() + sources.videos.len() > 1;
 
     let mut photos = Vec::new();
@@ -216,15 +216,16 @@ pub(super) fn collect(
             frame: true,
         }));
     }
-    let named: Vec<(&Opened, String)> = opened.iter().zip(distinct(&opened, by_folder)).collect();
+    let named: Vec<(&OpenedPhoto, String)> =
+        opened.iter().zip(distinct(&opened, by_folder)).collect();
     photos.extend(in_chunks(&named, observer, "taking photos", |(photo, name)| {
         photo.save(&made, name)
     })?);
     let count =
-        |is: &dyn Fn(&Opened) -> bool| opened.iter().filter(|photo| is(photo)).count() as u64;
+        |is: &dyn Fn(&OpenedPhoto) -> bool| opened.iter().filter(|photo| is(photo)).count() as u64;
     details.photos = photos.len() as u64;
     details.turned = count(&|photo| photo.notes.orientation > 1);
-    details.converted = count(&Opened::is_converted);
+    details.converted = count(&OpenedPhoto::is_converted);
     details.cameras = (groups.len() + sources.videos.len()) as u64;
     details.focal_known = count(&|photo| photo.notes.focal_35.is_some());
 
@@ -243,7 +244,7 @@ pub(super) fn collect(
 /// The warning about `broken` photos, if they are to be skipped and others are left.
 fn left_out(
     broken: &[(&SourcePhoto, Error)],
-    sources: &Sources,
+    sources: &CaptureSources,
     skip_broken: bool,
 ) -> Result<Option<String>> {
     let Some((photo, first)) = broken.first() else { return Ok(None) };
@@ -279,7 +280,7 @@ fn in_chunks<A: Sync, B: Send>(
 }
 
 /// Reads a photo's size and EXIF; of a HEIC photo, what the converter makes of it.
-fn open(photo: &SourcePhoto, converter: Option<&Converter>) -> Result<Opened> {
+fn open(photo: &SourcePhoto, converter: Option<&Converter>) -> Result<OpenedPhoto> {
     let limits = &Limits::DEFAULT;
     let converter = converter.filter(|_| is_heic(&photo.path));
     let mut source = photo.clone();
@@ -298,13 +299,13 @@ fn open(photo: &SourcePhoto, converter: Option<&Converter>) -> Result<Opened> {
         notes = original.of_copy(notes.orientation, size);
     }
     let change = match (notes.orientation, is_plain(&bytes)) {
-        (1, true) if converter.is_some() => Change::Noted,
-        (1, true) => Change::Copied,
-        (_, true) => Change::Turned,
-        (_, false) => Change::Converted,
+        (1, true) if converter.is_some() => PhotoChange::Noted,
+        (1, true) => PhotoChange::Copied,
+        (_, true) => PhotoChange::Turned,
+        (_, false) => PhotoChange::Converted,
     };
     let size = if notes.orientation >= 5 { UVec2::new(size.y, size.x) } else { size };
-    Ok(Opened { source, file, notes, size, change, is_jpeg: is_jpeg(&bytes) })
+    Ok(OpenedPhoto { source, file, notes, size, change, is_jpeg: is_jpeg(&bytes) })
 }
 
 fn is_jpeg(bytes: &[u8]) -> bool {
@@ -326,10 +327,10 @@ fn is_plain(bytes: &[u8]) -> bool {
     }
 }
 
-impl Opened {
-    /// Whether it gets another file format.
+impl OpenedPhoto {
+    /// True if it gets another file format.
     fn is_converted(&self) -> bool {
-        self.change == Change::Converted || self.file != self.source.path
+        self.change == PhotoChange::Converted || self.file != self.source.path
     }
 
     /// Folder of its camera: photos of the same size and focal length share one.
@@ -347,7 +348,7 @@ impl Opened {
         let name = below + &self.source.name;
         let dot = name.rfind('.').filter(|dot| !name[*dot..].contains('/')).unwrap_or(name.len());
         let (stem, ending) = name.split_at(dot);
-        match (self.change == Change::Converted, rank) {
+        match (self.change == PhotoChange::Converted, rank) {
             (false, 0) => name,
             (false, _) => format!("{stem}-{}{ending}", rank + 1),
             (true, 0) => format!("{stem}.png"),
@@ -363,14 +364,14 @@ impl Opened {
         let to = folder.place(Path::new("images").join(name))?;
         let io = |e| Error::io(&to, e);
         match self.change {
-            Change::Copied => input::copy(from, &to)?,
-            Change::Noted => {
+            PhotoChange::Copied => input::copy(from, &to)?,
+            PhotoChange::Noted => {
                 let bytes = input::read(from, &Limits::DEFAULT).map_err(unread)?;
                 std::fs::write(&to, with_notes(&bytes, &self.notes.upright())).map_err(io)?;
             }
-            Change::Turned | Change::Converted => {
+            PhotoChange::Turned | PhotoChange::Converted => {
                 let picture = RgbImage::load(from).map_err(unread)?.turned(self.notes.orientation);
-                let bytes = if self.change == Change::Turned && self.is_jpeg {
+                let bytes = if self.change == PhotoChange::Turned && self.is_jpeg {
                     with_notes(&picture.to_jpeg(QUALITY)?, &self.notes.upright())
                 } else {
                     picture.to_png()?
@@ -385,7 +386,7 @@ impl Opened {
 
 /// Names of `photos` that differ, also where upper and lower case are one. Photos that keep their
 /// format choose first.
-fn distinct(photos: &[Opened], by_folder: bool) -> Vec<String> {
+fn distinct(photos: &[OpenedPhoto], by_folder: bool) -> Vec<String> {
     let mut taken = HashSet::new();
     let mut names = vec![String::new(); photos.len()];
     for converted in [false, true] {
@@ -423,15 +424,15 @@ mod tests {
     #[test]
     fn photos_of_one_stem_or_of_names_that_differ_in_case_have_distinct_names() {
         let photos = ["A.png", "a.PNG", "b-2.PNG", "a.jpg", "a.webp", "a.tif", "b.c/d.tif"];
-        let opened = photos.map(|name| Opened {
+        let opened = photos.map(|name| OpenedPhoto {
             source: SourcePhoto { path: PathBuf::new(), name: name.to_owned() },
             file: PathBuf::new(),
             notes: PhotoNotes::default(),
             size: UVec2::ONE,
             change: if name.contains('w') || name.contains('f') {
-                Change::Converted
+                PhotoChange::Converted
             } else {
-                Change::Copied
+                PhotoChange::Copied
             },
             is_jpeg: false,
         });
@@ -455,7 +456,7 @@ mod tests {
         {
             std::fs::write(photos.join(name), bytes).unwrap();
         }
-        let sources = Sources::find(std::slice::from_ref(&photos)).unwrap();
+        let sources = CaptureSources::find(std::slice::from_ref(&photos)).unwrap();
         let out = folder.path().join("out");
         let options = CaptureOptions::default();
         let taken = |skip_broken: bool| {

@@ -14,7 +14,7 @@ use trisplat_scene::{Error, Result, input};
 
 const ENDINGS: [&str; 4] = ["heic", "heif", "hif", "avif"];
 
-/// What a program is asked first, a part of its answer, and the words of a conversion.
+/// First question to a program, a part of its answer, and the arguments of a conversion.
 type Way = [&'static str; 3];
 /// Programs in the order in which they are tried; Pythons come before the last.
 const WAYS: [(&str, Way); 6] = [
@@ -34,7 +34,7 @@ if sys.argv[1:]:
     Image.open(sys.argv[1]).convert('RGB').save(sys.argv[2], quality=97)
 print('ready for HEIC')";
 
-/// Whether a photo of this name needs another program.
+/// True for a photo name that needs another program.
 pub(super) fn is_heic(path: &Path) -> bool {
     let ending = path.extension().unwrap_or_default();
     ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known))
@@ -45,7 +45,7 @@ pub(super) fn is_heic(path: &Path) -> bool {
 pub(super) struct Converter {
     program: PathBuf,
     words: &'static str,
-    /// Where its files are while this exists.
+    /// Folder of its files while this exists.
     folder: TempDir,
     made: AtomicUsize,
 }
@@ -80,7 +80,7 @@ impl Converter {
     ///
     /// # Errors
     ///
-    /// What the program says of a photo that it cannot read.
+    /// A photo that the program cannot read, with the program's message.
     pub(super) fn convert(&self, photo: &Path) -> Result<PathBuf> {
         let number = self.made.fetch_add(1, Ordering::Relaxed);
         let at = |ending: &str| self.folder.path().join(format!("{number}.{ending}"));

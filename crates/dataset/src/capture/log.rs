@@ -34,7 +34,7 @@ pub(super) struct Log {
     lock: File,
 }
 
-/// How a program ended.
+/// End of a program.
 #[derive(Debug)]
 pub(super) struct Ended {
     pub(super) status: ExitStatus,
@@ -280,7 +280,7 @@ mod tests {
         assert!(ended.unwrap().status.success());
         assert!(longest <= LONGEST as usize && sum == bytes, "{longest}, {sum}");
 
-        // What a program says while its pictures are read.
+        // Messages of a program while its pictures are read.
         let read = |from: &mut dyn Read| {
             drop(io::copy(from, &mut io::sink()));
             Ok(())

@@ -16,4 +16,4 @@ pub use poses::{FeaturesDetails, MatchesDetails, ModelDetails};
 pub use program::{CaptureOptions, Mapper};
 pub use recipe::{Capture, check_apart};
 pub use source::{camera_files, is_camera_file};
-pub use verdict::{Gap, Verdict, VerdictDetails};
+pub use verdict::{CaptureVerdict, Gap, VerdictDetails};

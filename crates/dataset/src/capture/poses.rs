@@ -16,7 +16,7 @@ use trisplat_scene::{Error, Limits, Result, input};
 
 /// Files of a model.
 const MODEL_FILES: [&str; 5] = ["cameras", "images", "points3D", "rigs", "frames"];
-/// What features are found in; it becomes the database when all are found.
+/// Database while features are extracted; renamed when all are.
 const UNFINISHED: [&str; 4] =
     ["features.db", "features.db-shm", "features.db-wal", "features.db-journal"];
 /// Maximum number of photos that are compared exhaustively if there is another way.

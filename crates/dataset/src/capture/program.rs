@@ -18,26 +18,26 @@ const FEATURE_SIDE: u32 = 2000;
 /// An installed program that finds poses.
 #[derive(Debug, Clone)]
 pub(super) struct Program {
-    kind: Kind,
+    kind: ProgramKind,
     path: PathBuf,
     /// "COLMAP 3.8", "pycolmap 4.2.1".
     pub(super) version: String,
-    /// Whether it can use a graphics card.
+    /// True when it can use a graphics card.
     pub(super) has_gpu: bool,
     /// Its global mapper, which finds all poses at once.
-    pub(super) global: Option<Global>,
+    pub(super) global: Option<GlobalMapper>,
     /// CPU threads that it may use.
     pub(super) threads: usize,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Kind {
+enum ProgramKind {
     Colmap,
     Pycolmap,
 }
 
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Global {
+pub(super) enum GlobalMapper {
     /// A command of the program itself.
     Own,
     /// A separate program, [`GLOMAP`].
@@ -102,12 +102,19 @@ impl Program {
         let text = said(program(path).arg("help"))?;
         let first = text.lines().find(|line| line.starts_with("COLMAP"))?;
         let version = first.split(['-', '(']).next().unwrap_or(first).trim().to_owned();
-        let own = text.contains("global_mapper").then_some(Global::Own);
-        let glomap = || said(program(GLOMAP.as_ref()).arg("-h")).map(|_| Global::Glomap);
+        let own = text.contains("global_mapper").then_some(GlobalMapper::Own);
+        let glomap = || said(program(GLOMAP.as_ref()).arg("-h")).map(|_| GlobalMapper::Glomap);
         let threads = parallel::threads();
         let global = own.or_else(glomap);
         let has_gpu = !text.contains("without CUDA");
-        Some(Self { kind: Kind::Colmap, path: path.to_owned(), version, has_gpu, global, threads })
+        Some(Self {
+            kind: ProgramKind::Colmap,
+            path: path.to_owned(),
+            version,
+            has_gpu,
+            global,
+            threads,
+        })
     }
 
     fn pycolmap(path: &Path) -> Option<Self> {
@@ -116,10 +123,10 @@ impl Program {
         let line = text.lines().find(|line| line.starts_with("pycolmap "))?;
         let words: Vec<&str> = line.split_whitespace().collect();
         let version = format!("{} {}", words[0], words.get(1).unwrap_or(&""));
-        let global = words.contains(&"global").then_some(Global::Own);
+        let global = words.contains(&"global").then_some(GlobalMapper::Own);
         let threads = parallel::threads();
         Some(Self {
-            kind: Kind::Pycolmap,
+            kind: ProgramKind::Pycolmap,
             path: path.to_owned(),
             version,
             has_gpu: false,
@@ -133,13 +140,13 @@ impl Program {
         let [f, x, y] = cameras.known.unwrap_or_default();
         let params =
             if cameras.known.is_some() { format!("{f:.3},{x},{y},0") } else { String::new() };
-        if self.kind == Kind::Pycolmap {
+        if self.kind == ProgramKind::Pycolmap {
             return self.script(json!({
                 "step": "features", "database": places.database, "images": places.images, "params": params,
                 "folders": cameras.by_folder, "max_size": FEATURE_SIDE, "threads": self.threads,
             }));
         }
-        let mut words = Words::of(&self.path, "feature_extractor");
+        let mut words = HelpText::of(&self.path, "feature_extractor");
         words.path("--database_path", &places.database).path("--image_path", &places.images);
         words.add("--ImageReader.camera_model", "SIMPLE_RADIAL");
         let shared = if cameras.by_folder { "single_camera_per_folder" } else { "single_camera" };
@@ -156,7 +163,7 @@ impl Program {
 
     /// The command that compares photos.
     pub(super) fn matches(&self, places: &Places, pairing: &Pairing) -> Command {
-        if self.kind == Kind::Pycolmap {
+        if self.kind == ProgramKind::Pycolmap {
             let tree = if let Pairing::Tree(tree) = pairing { Some(tree) } else { None };
             let pairs = (*pairing == Pairing::Listed).then_some(&places.pairs);
             return self.script(json!({
@@ -168,7 +175,7 @@ impl Program {
             Pairing::Listed => "matches_importer",
             Pairing::Tree(_) => "vocab_tree_matcher",
         };
-        let mut words = Words::of(&self.path, name);
+        let mut words = HelpText::of(&self.path, name);
         words.path("--database_path", &places.database);
         match pairing {
             Pairing::Exhaustive => {}
@@ -187,16 +194,16 @@ impl Program {
 
     /// The command that puts poses together, all at once or photo by photo.
     pub(super) fn model(&self, places: &Places, output: &Path, at_once: bool) -> Command {
-        if self.kind == Kind::Pycolmap {
+        if self.kind == ProgramKind::Pycolmap {
             return self.script(json!({
                 "step": "model", "database": places.database, "images": places.images, "output": output,
                 "global": at_once, "threads": self.threads,
             }));
         }
-        let glomap = at_once && self.global == Some(Global::Glomap);
+        let glomap = at_once && self.global == Some(GlobalMapper::Glomap);
         let program = if glomap { Path::new(GLOMAP) } else { &self.path };
         let name = if at_once && !glomap { "global_mapper" } else { "mapper" };
-        let mut words = Words::of(program, name);
+        let mut words = HelpText::of(program, name);
         words.path("--database_path", &places.database).path("--image_path", &places.images);
         words.path("--output_path", output);
         if !at_once {
@@ -213,12 +220,12 @@ impl Program {
 }
 
 /// A COLMAP command and its help text: option names differ between versions.
-struct Words {
+struct HelpText {
     command: Command,
     help: String,
 }
 
-impl Words {
+impl HelpText {
     fn of(path: &Path, name: &str) -> Self {
         let help = said(program(path).args([name, "-h"])).unwrap_or_default();
         let mut command = program(path);
@@ -289,7 +296,7 @@ pub struct CaptureOptions {
     #[cfg_attr(feature = "cli", arg(long, value_name = "PROGRAM"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub poses: Option<PathBuf>,
-    /// How poses are reconstructed.
+    /// Order in which poses are reconstructed.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub mapper: Mapper,
     /// A vocabulary tree of COLMAP. It chooses the pairs to compare if there are more than 150
@@ -305,7 +312,7 @@ impl Default for CaptureOptions {
     }
 }
 
-/// How poses are reconstructed.
+/// Order in which poses are reconstructed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]

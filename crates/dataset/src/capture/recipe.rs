@@ -10,7 +10,7 @@ use super::collect::{self, PhotosDetails, TakenPhotos};
 use super::log::tell;
 use super::poses::{self, FeaturesDetails, MatchesDetails, ModelDetails, Poses};
 use super::program::{CaptureOptions, Program};
-use super::source::Sources;
+use super::source::CaptureSources;
 use super::verdict::{VerdictDetails, judge};
 use crate::colmap::tracks;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ use trisplat_scene::report::{
 };
 use trisplat_scene::{Error, Limits, Result};
 
-/// Why a finished step is skipped.
+/// Reason for skipping a finished step.
 const DONE: &str = "done before";
 
 /// A capture job.
@@ -69,7 +69,7 @@ impl Capture {
         report: &mut Report,
         observer: StageObserver<'_>,
     ) -> Result<Option<VerdictDetails>> {
-        match (Run { job: self, report, observer }).all() {
+        match (CaptureRun { job: self, report, observer }).all() {
             Err(Error::Stopped { .. }) => Ok(None),
             done => done.map(Some),
         }
@@ -81,18 +81,18 @@ impl Capture {
     }
 }
 
-struct Run<'a> {
+struct CaptureRun<'a> {
     job: &'a Capture,
     report: &'a mut Report,
     observer: StageObserver<'a>,
 }
 
-impl Run<'_> {
+impl CaptureRun<'_> {
     fn all(&mut self) -> Result<VerdictDetails> {
         let job = self.job;
         self.report.inputs.extend(job.names());
         check_apart("output", &job.folder, &job.inputs)?;
-        let sources = Sources::find(&job.inputs)?;
+        let sources = CaptureSources::find(&job.inputs)?;
         check_apart("output", &job.folder, &sources.places(&job.inputs))?;
         sources.check_number(job.least_photos, &job.inputs[0])?;
         self.report.warnings.extend(sources.warnings.iter().cloned());
@@ -123,7 +123,7 @@ impl Run<'_> {
         told.map(|()| value)
     }
 
-    fn photos(&mut self, sources: &Sources) -> Result<TakenPhotos> {
+    fn photos(&mut self, sources: &CaptureSources) -> Result<TakenPhotos> {
         let job = self.job;
         let inputs = collect::inputs(sources, &job.options)?;
         let before =

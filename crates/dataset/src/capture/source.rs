@@ -13,7 +13,7 @@ const RAW: [&str; 9] = ["dng", "cr2", "cr3", "nef", "arw", "raf", "orf", "rw2", 
 
 /// Photos and videos, sorted by name.
 #[derive(Debug, Default, PartialEq)]
-pub(super) struct Sources {
+pub(super) struct CaptureSources {
     pub(super) photos: Vec<SourcePhoto>,
     pub(super) videos: Vec<PathBuf>,
     /// Ignored files, and why.
@@ -32,7 +32,7 @@ pub(super) struct SourcePhoto {
     pub(super) name: String,
 }
 
-enum Kind {
+enum SourceKind {
     Photo,
     Video,
     /// An unsupported photo, with the remedy.
@@ -40,7 +40,7 @@ enum Kind {
     Other,
 }
 
-impl Sources {
+impl CaptureSources {
     /// Finds the photos and videos in `inputs`, which are files or folders.
     ///
     /// # Errors
@@ -154,11 +154,11 @@ impl Sources {
     /// False for a file that is neither photo nor video.
     fn add(&mut self, path: &Path, name: String) -> Result<bool> {
         match kind(path) {
-            Kind::Photo | Kind::Video if !self.take(path)? => {}
-            Kind::Photo => self.photos.push(SourcePhoto { path: path.to_owned(), name }),
-            Kind::Video => self.videos.push(path.to_owned()),
-            Kind::Foreign(remedy) => return Err(Error::unsupported(path, remedy)),
-            Kind::Other => return Ok(false),
+            SourceKind::Photo | SourceKind::Video if !self.take(path)? => {}
+            SourceKind::Photo => self.photos.push(SourcePhoto { path: path.to_owned(), name }),
+            SourceKind::Video => self.videos.push(path.to_owned()),
+            SourceKind::Foreign(remedy) => return Err(Error::unsupported(path, remedy)),
+            SourceKind::Other => return Ok(false),
         }
         Ok(true)
     }
@@ -176,24 +176,24 @@ pub fn camera_files(input: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// Whether a name ends like that of a photo or a video.
+/// True for a file name that ends like that of a photo or a video.
 pub fn is_camera_file(path: &Path) -> bool {
-    !matches!(kind(path), Kind::Other)
+    !matches!(kind(path), SourceKind::Other)
 }
 
-fn kind(path: &Path) -> Kind {
+fn kind(path: &Path) -> SourceKind {
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let is = |list: &[&str]| list.contains(&ending.as_str());
     if is(&PHOTOS) || is_heic(path) {
-        Kind::Photo
+        SourceKind::Photo
     } else if is(&VIDEOS) {
-        Kind::Video
+        SourceKind::Video
     } else if is(&RAW) {
-        Kind::Foreign(
+        SourceKind::Foreign(
             "is a raw photo, which is not read; export JPEG or 16-bit TIFF files with one white balance for all",
         )
     } else {
-        Kind::Other
+        SourceKind::Other
     }
 }
 
@@ -209,21 +209,26 @@ mod tests {
         for name in ["in/b.JPG", "in/more/a.png", "in/notes.txt", "in/._b.jpg", "in/walk.MOV"] {
             std::fs::write(at(name), "").unwrap();
         }
-        let found = Sources::find(&[at("in")]).unwrap();
+        let found = CaptureSources::find(&[at("in")]).unwrap();
         let names: Vec<&str> = found.photos.iter().map(|photo| photo.name.as_str()).collect();
         assert_eq!(names, ["b.JPG", "more/a.png"]);
         assert_eq!(found.videos, [at("in/walk.MOV")]);
         std::fs::create_dir(at("other")).unwrap();
         std::fs::write(at("other/b.JPG"), "").unwrap();
-        let twice = Sources::find(&[at("in"), at("other")]).unwrap_err().to_string();
+        let twice = CaptureSources::find(&[at("in"), at("other")]).unwrap_err().to_string();
         assert!(twice.contains("rename one of the two"), "{twice}");
-        let text = Sources::find(&[at("in/notes.txt")]).unwrap_err().to_string();
+        let text = CaptureSources::find(&[at("in/notes.txt")]).unwrap_err().to_string();
         assert!(text.contains("notes.txt: is no photo"), "{text}");
         std::fs::write(at("in/IMG_1.NEF"), "").unwrap();
-        let raw = Sources::find(&[at("in")]).unwrap_err().to_string();
+        let raw = CaptureSources::find(&[at("in")]).unwrap_err().to_string();
         assert!(raw.contains("IMG_1.NEF: is a raw photo"), "{raw}");
         std::fs::create_dir(at("empty")).unwrap();
-        assert!(Sources::find(&[at("empty")]).unwrap_err().to_string().contains("holds no photo"));
+        assert!(
+            CaptureSources::find(&[at("empty")])
+                .unwrap_err()
+                .to_string()
+                .contains("holds no photo")
+        );
     }
 
     #[cfg(unix)]
@@ -243,7 +248,7 @@ mod tests {
         {
             symlink(at(to), at(link)).unwrap();
         }
-        let found = Sources::find(&[at("in"), at("in/more/c.jpg")]).unwrap();
+        let found = CaptureSources::find(&[at("in"), at("in/more/c.jpg")]).unwrap();
         let names: Vec<&str> = found.photos.iter().map(|photo| photo.name.as_str()).collect();
         assert_eq!(names, ["b.jpg", "more/c.jpg"]);
         assert!(found.warnings[0].starts_with("5 names are links"), "{:?}", found.warnings);

@@ -42,7 +42,7 @@ const MIN_TIES: u64 = 8;
 #[serde(default)]
 pub struct VerdictDetails {
     /// Overall grade.
-    pub verdict: Verdict,
+    pub verdict: CaptureVerdict,
     /// Number of photos.
     pub photos: u64,
     /// Photos with a pose.
@@ -71,7 +71,7 @@ pub struct VerdictDetails {
 trisplat_scene::stage!(VerdictDetails, "verdict");
 
 impl VerdictDetails {
-    /// Why no training helps: too few points tie the photos together.
+    /// Reason why no training helps: too few points connect the photos.
     pub fn hopeless(&self) -> Option<String> {
         let ties = || {
             format!("{} tie {}", counted(self.points, "point"), counted(self.registered, "photo"))
@@ -85,7 +85,7 @@ impl VerdictDetails {
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "lowercase")]
-pub enum Verdict {
+pub enum CaptureVerdict {
     /// No problem found.
     #[default]
     Good,
@@ -95,7 +95,7 @@ pub enum Verdict {
     Poor,
 }
 
-impl Verdict {
+impl CaptureVerdict {
     /// Name of the grade.
     pub fn word(self) -> &'static str {
         match self {
@@ -261,20 +261,20 @@ fn shared(a: &TrackedPhoto, b: &TrackedPhoto) -> usize {
     b.seen.iter().filter(|(point, _)| points.contains(point)).count()
 }
 
-fn word(details: &VerdictDetails) -> Verdict {
+fn word(details: &VerdictDetails) -> CaptureVerdict {
     let share = details.registered as f64 / details.photos.max(1) as f64;
     let error = details.error_px.unwrap_or(0.0);
     let many_blurred = 10 * details.blurred.len() as u64 > details.photos;
     if share < REGISTERED[1] || error > ERROR_PX[1] || details.hopeless().is_some() {
-        Verdict::Poor
+        CaptureVerdict::Poor
     } else if share < REGISTERED[0]
         || error > ERROR_PX[0]
         || many_blurred
         || !details.advice.is_empty()
     {
-        Verdict::Fair
+        CaptureVerdict::Fair
     } else {
-        Verdict::Good
+        CaptureVerdict::Good
     }
 }
 
@@ -372,7 +372,7 @@ mod tests {
         };
         let advice = advice(&details, &ModelDetails::default());
         assert!(advice[0].contains("between 2.jpg and 6.jpg: 3 there"), "{advice:?}");
-        assert_eq!(word(&details), Verdict::Poor);
+        assert_eq!(word(&details), CaptureVerdict::Poor);
     }
 
     #[test]
@@ -396,7 +396,7 @@ mod tests {
         assert_eq!(of(25).hopeless().as_deref(), Some("25 points tie 5 photos"));
         let advice = advice(&of(25), &ModelDetails::default());
         assert_eq!(advice, ["25 points tie 5 photos: take photos that overlap by half or more"]);
-        assert_eq!((word(&of(25)), word(&of(400))), (Verdict::Poor, Verdict::Good));
+        assert_eq!((word(&of(25)), word(&of(400))), (CaptureVerdict::Poor, CaptureVerdict::Good));
         assert_eq!(of(40).hopeless(), None);
     }
 

@@ -1,6 +1,6 @@
 //! Extracts photos from videos with an installed ffmpeg, by camera motion and sharpness.
 //!
-//! It decodes a video twice: small and grey to choose frames, then the chosen ones at full size.
+//! A video is decoded twice: small and grey to choose frames, then the chosen ones at full size.
 
 use super::log::{Log, full_path, program, said, tell};
 use glam::{IVec2, UVec2};

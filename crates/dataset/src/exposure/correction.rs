@@ -2,7 +2,8 @@
 //! towards the corners.
 //!
 //! ```text
-//! photo(x) = scene(x) · exp(gain of the photo and channel - falloff of the camera · (r² - 1/3))        in linear light
+//! photo(x) = scene(x) · exp(gain of the photo and channel - falloff of the camera · (r² - 1/3)) in
+//! linear light
 //! ```
 //!
 //! with r the distance from the middle of the picture, 1 in its corners; the mean of r² over a
@@ -17,7 +18,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
 
-/// Whether photos are corrected.
+/// Use of exposure correction.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ExposureUse {
@@ -34,7 +35,7 @@ pub enum ExposureUse {
     Shares(#[schemars(inner(range(min = 0.0, max = 1.0)))] [f32; 3]),
 }
 
-/// What is expected in place of anything else.
+/// Values accepted for the option, for its error message.
 const EXPOSURE_USES: &str = "auto, on, off, or three shares from 0 to 1, as in [0.5,0,0]";
 
 impl<'de> Deserialize<'de> for ExposureUse {
@@ -220,7 +221,7 @@ impl Rings {
     }
 }
 
-/// How far photos differ, in words.
+/// Sentence on the spread of exposures, a logarithm.
 pub fn differ(exposure: f32) -> String {
     format!("photos differ by {:.0}% in exposure", 100.0 * exposure)
 }
@@ -256,7 +257,7 @@ pub struct Verdict {
     pub strengths: Strengths,
 }
 
-/// How photos differ, and what corrects them.
+/// Spread of the photos' light, and its corrections.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ExposureDetails {
     /// The differences; absent where they were not measured.

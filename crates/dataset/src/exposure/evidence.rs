@@ -1,4 +1,4 @@
-//! How far photos that a training left out confirm the exposures that tracked points predict.
+//! Evidence of left-out photos for the exposures that tracked points predict.
 //!
 //! A scene takes up what neighbouring photos have in common. So beside its drawing, a left-out
 //! photo shows only the part of its exposure that its neighbours lack: the slope b of what it shows
@@ -39,7 +39,7 @@ pub struct LeftOutPhoto {
     pub falloff_beside_others: f32,
 }
 
-/// What left-out photos show of the predicted corrections.
+/// Agreement of left-out photos with the predicted corrections.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ExposureEvidence {
     /// Number of left-out photos.

@@ -6,9 +6,10 @@ use super::relative::beside_others;
 use super::solve::solve;
 use glam::UVec2;
 
-/// What brings drawings of a scene to the exposure of photos, per photo and channel, as logarithms
-/// of light; `None` where it is unknown. The scene was trained on the photos for which `is_trained`
-/// holds, corrected by `strengths`. `lights` and `sizes` are those of all photos, as for [`solve`].
+/// Gains that bring renderings of a scene to the exposure of photos, per photo and channel, as
+/// logarithms of light; `None` where it is unknown. The scene was trained on the photos for which
+/// `is_trained` holds, corrected by `strengths`. `lights` and `sizes` are those of all photos, as
+/// for [`solve`].
 pub fn own_exposures(
     lights: &[Vec<Light>],
     sizes: &[UVec2],

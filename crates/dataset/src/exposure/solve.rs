@@ -36,7 +36,7 @@ pub fn solve(photos: &[Vec<Light>], cameras: &[UVec2]) -> Solved {
     for (photo, lights) in photos.iter().enumerate() {
         for light in lights.iter().filter(|light| light.point.is_multiple_of(stride)) {
             let next = numbers.len();
-            seen.push(Seen {
+            seen.push(LightSample {
                 photo,
                 point: *numbers.entry(light.point).or_insert(next),
                 light: *light,
@@ -74,14 +74,14 @@ pub fn solve(photos: &[Vec<Light>], cameras: &[UVec2]) -> Solved {
 
 /// Slope of r² less its mean over other photos at the same point on r², within photos; 0 where no
 /// point is in several.
-fn radii_beside_others(seen: &[Seen], photos: usize, points: usize) -> f32 {
+fn radii_beside_others(seen: &[LightSample], photos: usize, points: usize) -> f32 {
     let mut of_point = vec![[0.0f64; 2]; points];
     let mut of_photo = vec![[0.0f64; 3]; photos];
-    for Seen { point, light, .. } in seen {
+    for LightSample { point, light, .. } in seen {
         let [sum, count] = of_point[*point];
         of_point[*point] = [sum + f64::from(light.r2), count + 1.0];
     }
-    let beside = |Seen { point, light, .. }: &Seen| {
+    let beside = |LightSample { point, light, .. }: &LightSample| {
         let [sum, count] = of_point[*point];
         let r2 = f64::from(light.r2);
         (count > 1.5).then(|| [r2, r2 - (sum - r2) / (count - 1.0)])
@@ -115,12 +115,12 @@ fn kinds(cameras: &[UVec2]) -> Vec<usize> {
     upright.iter().map(kind).collect()
 }
 
-/// Whether each photo tracks enough points and is tied by them to most of the others: between
-/// separate groups of photos gains say nothing.
-fn tied(seen: &[Seen], photos: usize, points: usize) -> Vec<bool> {
+/// True for each photo that tracks enough points and is connected by them to most of the others:
+/// between separate groups of photos gains say nothing.
+fn tied(seen: &[LightSample], photos: usize, points: usize) -> Vec<bool> {
     let mut groups = Sets::new(photos + points);
     let mut counts = vec![0; photos];
-    for Seen { photo, point, .. } in seen {
+    for LightSample { photo, point, .. } in seen {
         groups.join(*photo as u32, (photos + point) as u32);
         counts[*photo] += 1;
     }
@@ -164,7 +164,7 @@ impl Solved {
 }
 
 /// A light, its photo, and the number of its point.
-struct Seen {
+struct LightSample {
     photo: usize,
     point: usize,
     light: Light,
@@ -172,7 +172,7 @@ struct Seen {
 
 /// The unknowns of a channel.
 struct Channel<'a> {
-    seen: &'a [Seen],
+    seen: &'a [LightSample],
     c: usize,
     photos: Vec<f32>,
     points: Vec<f32>,
@@ -181,12 +181,12 @@ struct Channel<'a> {
     kinds: &'a [usize],
     /// Of each light.
     weights: Vec<f64>,
-    /// Whether points and photos tell a camera's falloff from gains, by its kind.
+    /// True for each kind of camera whose falloff can be told from gains.
     has_radii: Vec<bool>,
 }
 
 impl<'a> Channel<'a> {
-    fn solve(seen: &'a [Seen], c: usize, kinds: &'a [usize], points: usize) -> Self {
+    fn solve(seen: &'a [LightSample], c: usize, kinds: &'a [usize], points: usize) -> Self {
         let cameras = kinds.len() + 1;
         let mut channel = Self {
             seen,
@@ -207,10 +207,10 @@ impl<'a> Channel<'a> {
         channel
     }
 
-    /// Whether r² differs within points and photos, by the kind of camera.
+    /// True for each kind of camera whose r² differs within points and photos.
     fn has_radii(&self) -> Vec<bool> {
         let of_point = self.means(self.points.len(), |seen| (seen.point, seen.light.r2));
-        let within = |seen: &Seen| seen.light.r2 - of_point[seen.point];
+        let within = |seen: &LightSample| seen.light.r2 - of_point[seen.point];
         let of_photo = self.means(self.photos.len(), |seen| (seen.photo, within(seen)));
         let mut sums = vec![[0.0f64; 2]; self.falloff.len()];
         for (seen, weight) in self.seen.iter().zip(&self.weights) {
@@ -222,7 +222,7 @@ impl<'a> Channel<'a> {
     }
 
     /// Weighted means of a value, by an index.
-    fn means(&self, count: usize, value: impl Fn(&Seen) -> (usize, f32)) -> Vec<f32> {
+    fn means(&self, count: usize, value: impl Fn(&LightSample) -> (usize, f32)) -> Vec<f32> {
         let mut sums = vec![[0.0f64; 2]; count];
         for (seen, weight) in self.seen.iter().zip(&self.weights) {
             let (index, value) = value(seen);
@@ -233,8 +233,8 @@ impl<'a> Channel<'a> {
             .collect()
     }
 
-    /// What the unknowns leave of a light.
-    fn left(&self, Seen { photo, point, light }: &Seen) -> f32 {
+    /// Residual of a light.
+    fn left(&self, LightSample { photo, point, light }: &LightSample) -> f32 {
         light.log[self.c] - self.photos[*photo] - self.points[*point]
             + self.falloff[self.kinds[*photo]] * light.r2
     }
@@ -246,7 +246,7 @@ impl<'a> Channel<'a> {
         self.points = self.means(self.points.len(), |seen| {
             (seen.point, self.left(seen) + self.points[seen.point])
         });
-        // How the rest grows with r², within a point.
+        // Growth of the residual with r², within a point.
         let of_point = self.means(self.points.len(), |seen| (seen.point, seen.light.r2));
         let mut sums = vec![[0.0f64; 2]; self.falloff.len()];
         for (seen, weight) in self.seen.iter().zip(&self.weights) {
@@ -264,13 +264,14 @@ impl<'a> Channel<'a> {
 
     /// Less weight for larger residuals.
     fn weigh(&mut self) {
-        let weight = |seen: &Seen| seen.light.weight[self.c];
+        let weight = |seen: &LightSample| seen.light.weight[self.c];
         let left: Vec<f32> = self.seen.iter().map(|seen| self.left(seen)).collect();
         let counted = left.iter().zip(self.seen).filter(|(_, seen)| weight(seen) > 0.0);
         let usual = median(counted.map(|(left, _)| left.abs()).collect(), f32::total_cmp);
         let scale = MIN_SCALE.max(1.5 * usual.unwrap_or(0.0));
-        let weigh =
-            |(seen, left): (&Seen, f32)| f64::from(weight(seen) / (1.0 + (left / scale).powi(2)));
+        let weigh = |(seen, left): (&LightSample, f32)| {
+            f64::from(weight(seen) / (1.0 + (left / scale).powi(2)))
+        };
         self.weights = self.seen.iter().zip(left).map(weigh).collect();
     }
 

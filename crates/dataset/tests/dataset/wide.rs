@@ -1,7 +1,7 @@
 //! Fisheye and 360° photos as pinhole views: geometry, pictures, names, the split.
 
 use super::*;
-use trisplat_dataset::Projection;
+use trisplat_dataset::LensProjection;
 use trisplat_synthetic::{render_lens, write_lens};
 
 fn blank(lens: &Lens, _: &Camera) -> RgbImage {
@@ -15,7 +15,7 @@ fn blank(lens: &Lens, _: &Camera) -> RgbImage {
 fn fisheye(size: [u32; 2], focal: f64, radial: [f64; 4]) -> Lens {
     let size = UVec2::from(size);
     let distortion =
-        Distortion { radial, projection: Projection::Fisheye, ..Distortion::default() };
+        Distortion { radial, projection: LensProjection::Fisheye, ..Distortion::default() };
     Lens {
         size,
         focal: DVec2::splat(focal),

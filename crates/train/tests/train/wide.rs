@@ -2,7 +2,7 @@
 
 use super::*;
 use glam::{DVec2, UVec2};
-use trisplat_dataset::{Distortion, Lens, Photo, Projection};
+use trisplat_dataset::{Distortion, Lens, LensProjection, Photo};
 
 #[test]
 fn a_wide_lens_trains_like_its_pinhole_twin() {
@@ -12,7 +12,7 @@ fn a_wide_lens_trains_like_its_pinhole_twin() {
         center: size.as_dvec2() / 2.0,
         distortion: Distortion {
             radial: [-0.02, 0.003, 0.0, 0.0],
-            projection: Projection::Fisheye,
+            projection: LensProjection::Fisheye,
             ..Distortion::default()
         },
     };
