@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn photos_that_differ_in_their_ending_have_pictures_of_their_own() {
+    fn photos_that_differ_in_their_ending_stay_separate() {
         assert_eq!(names(&["a.png", "a.jpg", "b.jpg"]), ["a.png.png", "a.jpg.png", "b.png"]);
     }
 }

@@ -253,7 +253,7 @@ fn interrupt(child: &Child) {
 }
 
 #[test]
-fn a_capture_that_is_interrupted_leaves_no_program_behind_and_goes_on_later() {
+fn capture_interrupted_leaves_no_program_and_resumes() {
     let fake = Fake::new();
     std::fs::write(fake.at("waits"), "mapper").unwrap();
     let child = fake.command(&CAPTURE).spawn().unwrap();
@@ -308,7 +308,7 @@ fn held(picture: &RgbImage, orientation: u8) -> Vec<u8> {
 }
 
 #[test]
-fn photos_are_turned_upright_and_cameras_of_other_sizes_kept_apart() {
+fn capture_turns_photos_upright_and_sorts_them_by_size() {
     let fake = Fake::new();
     let upright = RgbImage::load(&fake.at("photos/view_0004.png")).unwrap();
     // Held on its right side: the file is what the camera's chip saw.
@@ -554,7 +554,7 @@ fn with_points(fake: &Fake, most: usize) {
 }
 
 #[test]
-fn a_hopeless_capture_stops_before_training_unless_told_to_go_on() {
+fn make_stops_after_a_hopeless_capture() {
     let fake = Fake::new();
     // Fewer than eight for each of the 40 photos, but each photo sees more than ten.
     with_points(&fake, 300);

@@ -67,7 +67,7 @@ fn the_program_says_on_which_card_it_trains() {
 }
 
 #[test]
-fn soft_pictures_of_render_and_eval_are_drawn_on_the_card_that_is_asked_for() {
+fn render_and_eval_draw_soft_pictures_on_the_chosen_card() {
     let Some(gpu) = card() else { return };
     let folder = folder_of_photos();
     let (output, said) = train(folder.path(), &["--backend", "cpu"]);

@@ -91,7 +91,7 @@ fn a_run_goes_on_with_what_it_was_made_of_or_not_at_all() {
 }
 
 #[test]
-fn the_last_checkpoints_are_kept_and_the_newest_whole_one_is_found() {
+fn checkpoints_keep_the_last_and_find_the_newest_whole_one() {
     let folder = stopped();
     let options = [
         "--steps",

@@ -225,7 +225,7 @@ fn a_task_reads_its_own_photos_and_no_points() {
 }
 
 #[test]
-fn what_no_photo_shows_is_left_out_and_its_triangles_go_to_the_others() {
+fn plan_leaves_out_blocks_that_no_photo_shows() {
     let folder = planned();
     // Photos that look down on one corner of the scene only; the points are those of all of it.
     let sparse = folder.path().join("photos/sparse/0");

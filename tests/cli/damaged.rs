@@ -16,7 +16,7 @@ fn dataset(folder: &Path, photo: &[u8]) -> PathBuf {
 }
 
 #[test]
-fn a_photo_or_mask_with_a_damaged_palette_is_an_error_of_that_file() {
+fn damaged_palette_is_an_error_of_its_photo_or_mask() {
     let folder = tempfile::tempdir().unwrap();
     let glb = folder.path().join("a.glb");
     let ply = folder.path().join("a.ply");

@@ -109,7 +109,7 @@ fn the_scores_are_those_of_the_files_written() {
 }
 
 #[test]
-fn corrected_figures_do_not_depend_on_the_light_of_a_held_out_photo() {
+fn eval_corrected_scores_ignore_the_exposure_of_a_photo() {
     let folder = tempfile::tempdir().unwrap();
     let scene = sample("soups/trained.ply");
     let scored = |dataset: &Path, name: &str| -> EvalReport {

@@ -135,7 +135,7 @@ fn a_photos_name_writes_nothing_outside_of_the_output() {
 }
 
 #[test]
-fn a_program_takes_no_name_for_a_pattern_an_option_or_a_protocol() {
+fn capture_passes_names_that_no_program_misreads() {
     let fake = Fake::new();
     if !fake.video("walk.mp4", &["-frames:v", "12"]) {
         return;

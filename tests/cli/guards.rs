@@ -314,7 +314,7 @@ fn previews_of_an_earlier_run_need_force() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_name_that_is_not_utf8_is_refused_where_files_name_each_other() {
+fn names_that_are_not_utf8_are_refused_in_linked_files() {
     use std::ffi::OsStr;
     use std::os::unix::ffi::OsStrExt;
     use std::process::{Command, Stdio};

@@ -132,7 +132,7 @@ fn exposure_is_judged_by_left_out_photos_where_a_run_has_time() {
 }
 
 #[test]
-fn a_short_training_that_is_stopped_says_that_nothing_was_written() {
+fn train_stopped_early_says_that_nothing_was_written() {
     let folder = tempfile::tempdir().unwrap();
     phone_sample(folder.path());
     let how = DatasetOptions { max_size: Some(96), ..DatasetOptions::default() };

@@ -23,7 +23,7 @@ fn command(folder: &Path, output: &str, effort: [&str; 2], more: &[&str]) -> Com
 }
 
 #[test]
-fn a_budget_is_for_the_training_and_twice_as_much_is_the_next_step() {
+fn budget_is_for_the_training_and_its_double_is_advised() {
     let folder = tempfile::tempdir().unwrap();
     let output = command(folder.path(), "scene.glb", ["--budget", "3s"], &[]).output().unwrap();
     let said = stderr(&output);
@@ -34,7 +34,7 @@ fn a_budget_is_for_the_training_and_twice_as_much_is_the_next_step() {
 
 #[cfg(unix)]
 #[test]
-fn a_make_that_is_killed_between_the_file_and_its_page_finishes_by_the_same_command() {
+fn make_killed_before_its_page_finishes_by_the_same_command() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     // The page waits for a reader of this pipe.
@@ -61,7 +61,7 @@ fn a_make_that_is_killed_between_the_file_and_its_page_finishes_by_the_same_comm
 
 #[cfg(unix)]
 #[test]
-fn a_make_that_is_killed_while_its_report_is_written_finishes_by_the_same_command() {
+fn make_killed_in_its_report_finishes_by_the_same_command() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let report = ["--report", "report.json"];
@@ -152,7 +152,7 @@ fn photos_that_cannot_make_a_scene_are_refused_before_training() {
 }
 
 #[test]
-fn a_data_set_becomes_a_file_and_a_page_and_its_training_is_not_repeated() {
+fn make_writes_a_file_and_a_page_and_trains_once() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let first = make(folder.path(), &["--report", "a.json"]);
@@ -403,7 +403,7 @@ fn names_that_cannot_be_written_are_refused_before_any_work() {
 
 #[cfg(unix)]
 #[test]
-fn capture_training_and_bake_agree_on_how_photos_differ_in_exposure() {
+fn exposure_is_equal_in_capture_training_and_bake() {
     let fake = super::capture::Fake::new();
     std::fs::remove_dir_all(fake.at("photos")).unwrap();
     let truth = phone::phone_sample(&fake.at("taken"));

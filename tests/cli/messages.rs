@@ -243,7 +243,7 @@ fn photos_of_another_place_are_noticed() {
 }
 
 #[test]
-fn a_soup_and_a_mesh_that_was_baked_from_one_merge_in_their_world() {
+fn merge_of_a_soup_and_a_baked_mesh_keeps_the_world() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     let bake = |arguments: &[&dyn AsRef<std::ffi::OsStr>]| {
@@ -423,7 +423,7 @@ fn info_and_bake_measure_the_same_softness() {
 }
 
 #[test]
-fn a_mesh_that_says_nothing_hears_what_was_taken_for_up_and_what_its_alpha_removed() {
+fn bake_of_a_mesh_names_its_up_axis_and_removed_alpha() {
     let folder = tempfile::tempdir().unwrap();
     let ply = folder.path().join("a.ply");
     let out = folder.path().join("a.glb");

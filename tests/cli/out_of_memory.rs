@@ -189,7 +189,7 @@ fn splats(folder: &Path) -> Vec<(&'static str, u64)> {
 
 #[test]
 #[expect(clippy::print_stderr, reason = "the figures of docs/reliability.md")]
-fn reading_takes_at_most_four_times_what_the_file_and_its_scene_hold() {
+fn reading_takes_at_most_four_times_file_and_scene() {
     let folder = tempfile::tempdir().unwrap();
     let base = base(folder.path());
     for (name, scene) in [meshes(folder.path()), splats(folder.path())].concat() {

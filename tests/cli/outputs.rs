@@ -322,7 +322,7 @@ fn one_of_two_trainings_with_one_output_is_refused_at_once() {
 }
 
 #[test]
-fn one_of_two_renders_into_one_folder_wins_and_the_other_says_so() {
+fn render_into_a_folder_in_use_is_refused() {
     let folder = folder();
     let out = folder.path().join("out");
     std::fs::create_dir(&out).unwrap();

@@ -27,7 +27,7 @@ fn cameras(path: &Path, center: u32) {
 }
 
 #[test]
-fn gaussians_are_described_and_drawn_from_the_cameras_beside_them_a_given_list_or_a_circle() {
+fn gaussians_are_described_and_drawn_from_any_cameras() {
     let folder = tempfile::tempdir().unwrap();
     let file = scene(folder.path());
     cameras(&folder.path().join("splats.cameras.json"), 32);

@@ -118,7 +118,7 @@ fn looks_like_the_ball(folder: &Path, file: &str, floor: f64) {
 }
 
 #[test]
-fn a_ball_of_gaussians_is_a_ball_of_triangles_from_unseen_places_over_black_and_white() {
+fn gaussian_ball_bakes_to_a_triangle_ball_over_any_background() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     ball(folder);

@@ -64,7 +64,7 @@ fn without_shell() -> TrainOptions {
 }
 
 #[test]
-fn a_run_stopped_before_its_own_first_step_begins_again_and_ends_as_one_that_never_stopped() {
+fn resume_of_a_run_without_steps_gives_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
     let photos = photos(folder.path(), 20, 50);
     let point = folder.path().join("a.checkpoint");
@@ -129,7 +129,7 @@ const JUDGED: &str = "of their estimated exposure";
 
 #[cfg(unix)]
 #[test]
-fn a_signal_in_any_part_of_a_training_saves_it_and_prints_the_command_that_continues() {
+fn signal_in_a_training_saves_it_and_prints_the_next_command() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     photos(folder, 20, 50);
@@ -205,7 +205,7 @@ fn make(folder: &Path, more: &str) -> Command {
 
 #[cfg(unix)]
 #[test]
-fn a_make_that_is_killed_at_any_part_ends_with_the_bytes_of_one_that_was_not() {
+fn make_killed_at_any_part_ends_with_the_same_bytes() {
     let straight = tempfile::tempdir().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let straight = straight.path();

@@ -61,7 +61,7 @@ fn steps(log: &Path) -> Vec<u64> {
 
 #[cfg(unix)]
 #[test]
-fn a_run_resumed_by_the_printed_command_ends_as_one_that_never_stopped() {
+fn resume_by_the_printed_command_gives_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     succeed(&mut train(folder.path(), &["-o", "straight.ply", "--log", "straight.log"]));
@@ -208,7 +208,7 @@ fn nothing_is_replaced_without_force() {
 }
 
 #[test]
-fn a_scene_that_teaches_itself_is_not_overwritten_and_needs_something_to_show() {
+fn self_teaching_scene_is_not_overwritten_nor_empty() {
     let folder = tempfile::tempdir().unwrap();
     let run = |arguments: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));

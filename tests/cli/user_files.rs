@@ -231,7 +231,7 @@ fn a_users_scene_in_the_working_folder_is_not_replaced() {
 }
 
 #[test]
-fn one_or_two_photos_are_refused_before_anything_runs_and_no_folder_is_left() {
+fn capture_of_one_or_two_photos_is_refused_without_a_folder() {
     let fake = Fake::new();
     for photos in [&["photos/view_0001.png"][..], &["photos/view_0001.png", "photos/view_0002.png"]]
     {

@@ -132,7 +132,7 @@ fn baked(path: &Path) -> (Scene, [f64; 3], Vec<u8>) {
 }
 
 #[test]
-fn a_scene_at_utm_coordinates_bakes_to_the_bits_of_the_scene_at_the_origin() {
+fn utm_scene_bakes_to_the_bits_of_the_scene_at_the_origin() {
     let folder = tempfile::tempdir().unwrap();
     for (i, (name, bytes)) in all(FAR).into_iter().enumerate() {
         let path = folder.path().join(name);
@@ -206,7 +206,7 @@ fn every_format_keeps_a_millimetre_at_utm_coordinates() {
 }
 
 #[test]
-fn inputs_that_are_merged_stay_as_far_apart_as_they_are_in_the_world() {
+fn merged_inputs_keep_their_distance_in_the_world() {
     let folder = tempfile::tempdir().unwrap();
     let here = all(PLACE);
     let there = all(PLACE + APART);
@@ -234,7 +234,7 @@ fn inputs_that_are_merged_stay_as_far_apart_as_they_are_in_the_world() {
 }
 
 #[test]
-fn baked_files_that_are_merged_stay_as_far_apart_as_they_are_in_the_world() {
+fn merged_bakes_keep_their_distance_in_the_world() {
     let folder = tempfile::tempdir().unwrap();
     let mut baked = Vec::new();
     for (i, offset) in [PLACE, PLACE + APART].into_iter().enumerate() {

@@ -66,7 +66,7 @@ fn solid_psnr(soup: &Soup, dataset: &Dataset) -> f64 {
 }
 
 #[test]
-fn a_soft_scene_hardened_by_photos_is_solid_and_better_than_its_plain_bake() {
+fn hardened_scene_is_solid_and_better_than_its_plain_bake() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = photos(folder.path());
     // Without a shell, which is solid from the start, and with its colours as they are.
@@ -184,7 +184,7 @@ fn a_scene_placed_anew_starts_where_it_was() {
 }
 
 #[test]
-fn what_cannot_be_started_from_is_an_error_that_names_the_remedy() {
+fn train_from_an_unfit_scene_names_the_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = photos(folder.path());
     let triangle = Soup {
@@ -215,7 +215,7 @@ fn what_cannot_be_started_from_is_an_error_that_names_the_remedy() {
 }
 
 #[test]
-fn soft_pictures_beside_photos_lie_between_them_and_show_the_scene() {
+fn teacher_pictures_lie_between_photos_and_show_the_scene() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = photos(folder.path());
     let scene: ImportedScene = soft_scene(&dataset).into();

@@ -154,7 +154,7 @@ fn away(view: &Value) -> DVec3 {
 }
 
 #[test]
-fn a_drag_stays_where_photos_looked_and_an_address_goes_anywhere() {
+fn page_drag_stays_within_the_photos_viewpoints() {
     let Some(chromium) = chromium() else { return };
     let folder = TempDir::new().unwrap();
     let scene = folder.path().join("scene.ply");
@@ -355,7 +355,7 @@ fn assert_framed(picture: &Path, share: f64) {
 }
 
 #[test]
-fn f_frames_the_subject_from_the_side_where_one_is_and_the_link_is_the_view() {
+fn page_key_f_frames_the_subject_and_the_link_is_the_view() {
     let Some(chromium) = chromium() else { return };
     let folder = TempDir::new().unwrap();
     let [scene, page, wide, narrow] =

@@ -175,7 +175,7 @@ fn every_file_of_the_package_for_unity_has_its_own_guid() {
 /// Blender.
 #[cfg(unix)]
 #[test]
-fn the_extension_for_blender_runs_no_program_of_the_current_folder() {
+fn blender_extension_runs_no_program_of_the_current_folder() {
     let source = fs::read_to_string(here("editors/blender/__init__.py")).unwrap();
     let found =
         &source[source.find("def found(").unwrap()..source.find("class IMPORT_SCENE").unwrap()];

@@ -55,7 +55,7 @@ fn first_distance(path: &Path) -> f64 {
 }
 
 #[test]
-fn a_walker_begins_at_the_viewpoint_of_the_godot_sample_and_never_falls_through_its_floor() {
+fn godot_walker_starts_at_the_viewpoint_and_stays_on_the_floor() {
     let godot4 = here("target/judges/godot4");
     if !have("godot4", godot4.exists()) {
         return;

@@ -68,7 +68,7 @@ fn three_and_babylon_show_the_scene_when_they_frame_the_file() {
 
 /// However far back the editor steps from what is selected.
 #[test]
-fn in_godot_the_backdrop_is_a_node_of_its_own_that_hides_nothing_from_beyond() {
+fn godot_backdrop_is_a_node_that_hides_nothing_from_beyond() {
     let godot4 = here("target/judges/godot4");
     if !have("godot4", godot4.exists()) {
         return;

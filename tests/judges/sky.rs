@@ -224,7 +224,7 @@ fn godot_sample() -> (TempDir, Vec<View>) {
 }
 
 #[test]
-fn the_godot_sample_has_the_panorama_beside_the_scene_as_its_sky() {
+fn godot_sample_has_the_panorama_as_its_sky() {
     let godot4 = here("target/judges/godot4");
     if !have("godot4", godot4.exists()) {
         return;
@@ -271,7 +271,7 @@ fn place_in_unity(d: Vec3, rotation: f32) -> Vec2 {
 
 /// Unity is not here; its shader's formula says which pixel it would show.
 #[test]
-fn the_component_for_unity_finds_the_panorama_and_turns_it_to_the_scene() {
+fn unity_component_finds_the_panorama_and_turns_it() {
     if !has_mcs() {
         return;
     }

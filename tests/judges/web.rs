@@ -465,7 +465,7 @@ fn assert_reachable(layout: &Value, height: f64) {
 }
 
 #[test]
-fn a_file_dropped_into_the_empty_picture_opens_and_bake_and_picture_are_in_sight() {
+fn page_opens_a_dropped_file_and_shows_bake_and_picture() {
     let Some(chromium) = chromium().filter(|_| built()) else { return };
     let visits = json!([
         { "drop": [studio()], "size": [1280, 720] },

@@ -309,7 +309,7 @@ fn a_window_at_rest_draws_nothing() {
 }
 
 #[test]
-fn a_region_is_drawn_hides_what_is_outside_and_is_saved_for_the_bake() {
+fn view_region_hides_the_outside_and_is_saved() {
     let Some(mut desk) = Desk::new() else { return };
     samples::studio(desk.at("studio.ply"), 4000);
     desk.open(&["view", "studio.ply", "--size", PHOTO, "--msaa", "1", "--screenshots", "shots"]);
@@ -340,7 +340,7 @@ fn a_region_is_drawn_hides_what_is_outside_and_is_saved_for_the_bake() {
 }
 
 #[test]
-fn a_file_that_is_dropped_is_shown_and_a_broken_one_changes_nothing() {
+fn drop_of_a_file_shows_it_and_of_a_broken_one_nothing() {
     let Some(mut desk) = Desk::new() else { return };
     samples::studio(desk.at("studio.ply"), 4000);
     desk.run(&["bake", "studio.ply", "-o", "a scene.glb", "--teacher", "off"]);
@@ -408,7 +408,7 @@ fn a_window_that_cannot_be_filled_closes_with_the_reason() {
 }
 
 #[test]
-fn a_training_is_shown_while_it_runs_and_its_file_is_that_of_one_nobody_watches() {
+fn view_of_a_training_changes_no_byte_of_its_file() {
     let Some(mut desk) = Desk::new() else { return };
     samples::photos(desk.at("photos"), [12, 64, 300], 0);
     let train = |output: &'static str, more: &[&'static str]| {
@@ -452,7 +452,7 @@ fn a_training_goes_on_when_its_window_is_closed() {
 }
 
 #[test]
-fn a_training_that_is_to_be_watched_is_not_begun_without_a_screen() {
+fn train_view_without_a_screen_does_not_begin() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("scene.ply");
     let mut train = Command::new(TRISPLAT);

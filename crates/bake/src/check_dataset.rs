@@ -120,7 +120,7 @@ mod tests {
     use glam::UVec2;
 
     #[test]
-    fn pictures_of_the_same_shapes_correlate_whatever_their_contrast() {
+    fn correlation_of_equal_shapes_ignores_contrast() {
         let ramp: Vec<[u8; 3]> = (0..100).map(|i| [i, i, 2 * i]).collect();
         let faint: Vec<[u8; 3]> = ramp.iter().map(|rgb| rgb.map(|c| c / 4 + 90)).collect();
         let turned: Vec<[u8; 3]> = ramp.iter().rev().copied().collect();

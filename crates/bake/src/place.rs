@@ -456,7 +456,7 @@ mod under_tests {
     }
 
     #[test]
-    fn a_subject_faces_the_side_that_photos_show_best_unless_it_is_turned() {
+    fn subject_faces_the_best_photographed_side() {
         let mesh = crate_without_bottom();
         let middle = Vec3::new(5.5, 2.5, -0.5);
         let photo = Viewpoint {

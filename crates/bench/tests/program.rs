@@ -100,7 +100,7 @@ fn what_makes_no_grid_is_refused() {
 }
 
 #[test]
-fn samples_are_those_of_the_repository_and_replace_nothing_unasked() {
+fn samples_equal_the_repository_and_replace_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let make = ["sample", "studio", "-o", "a.ply"];
     assert!(bench(&make, folder.path()).status.success());

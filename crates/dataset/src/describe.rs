@@ -230,7 +230,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn poses_points_photos_and_masks_are_found_before_anything_is_read() {
+    fn describe_finds_poses_points_photos_and_masks_unread() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         for name in [

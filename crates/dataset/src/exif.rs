@@ -143,7 +143,7 @@ mod tests {
     use trisplat_scene::image::RgbImage;
 
     #[test]
-    fn notes_come_back_from_a_jpeg_and_upright_ones_differ_in_orientation_alone() {
+    fn exif_notes_come_back_and_upright_ones_differ_in_orientation() {
         let picture =
             RgbImage { size: UVec2::new(40, 30), rgb: vec![[90, 120, 30]; 1200], alpha: None };
         let plain = picture.to_jpeg(90).unwrap();

@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_leaves_the_folder_is_an_error_and_an_absolute_one_a_warning() {
+    fn path_out_of_the_folder_is_an_error() {
         let list = Path::new("set/transforms.json");
         let folder = Path::new("set");
         let options = DatasetOptions::default();

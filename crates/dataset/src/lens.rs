@@ -434,7 +434,7 @@ mod tests {
     }
 
     #[test]
-    fn every_sampled_place_is_inside_and_no_larger_rectangle_would_be() {
+    fn lens_rectangle_is_the_largest_inside() {
         for radial in [[-0.15, 0.02, 0.0, 0.0], [0.12, 0.01, 0.0, 0.0], [-0.1, 0.3, 0.0, 0.0]] {
             let lens = lens(radial);
             let pinhole = Undistort::new(&lens).unwrap().pinhole;

@@ -265,7 +265,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_level_is_drawn_from_where_its_triangles_are_two_pixels_wide() {
+    fn levels_switch_at_triangles_of_two_pixels() {
         let tangent = 0.5;
         let distances = cube().distances(tangent);
         for (distance, detail) in distances.iter().zip([0.02, 0.04]) {
@@ -331,7 +331,7 @@ mod scripts_tests {
     }
 
     #[test]
-    fn levels_change_in_unity_and_unreal_where_their_triangles_are_two_pixels_wide() {
+    fn levels_in_unity_and_unreal_change_at_two_pixels() {
         // 1080 px at 60 degrees: 0.02 units are 2 px wide at 9.353, and the scene is 3 units
         // nearer; its side is 3.464 units.
         let heights = numbers(&unity("a", &cube()), "Heights =");

@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn only_godot_files_break_the_color_rule_and_they_carry_the_name_that_says_so() {
+    fn godot_files_alone_have_srgb_colors_and_say_so() {
         for target in ALL {
             for small in [false, true] {
                 let options = target.encoding(small).0;
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_quantised_or_compressed_unless_small_is_asked_for_and_read() {
+    fn glb_is_quantised_and_compressed_by_small_only() {
         for target in ALL {
             let options = target.encoding(false).0;
             assert!(options.positions == PositionEncoding::F32 && !options.meshopt, "{target:?}");

@@ -395,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn cameras_see_of_the_cells_before_them_what_they_see_of_the_scene() {
+    fn cells_before_a_camera_show_it_the_whole_scene() {
         let soup = street();
         let middles = middles(&soup);
         let regions: Vec<BlockRegion> = BlockRegion::EVERYWHERE.cut(0, 200.0).into();

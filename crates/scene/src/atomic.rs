@@ -413,7 +413,7 @@ mod tests {
     }
 
     #[test]
-    fn files_that_belong_together_are_replaced_together_or_not_at_all() {
+    fn atomic_files_are_replaced_together_or_not_at_all() {
         let folder = tempfile::tempdir().unwrap();
         let [data, main] = ["a.bin", "a.gltf"].map(|name| folder.path().join(name));
         let both = |text: &str| {

@@ -319,7 +319,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn devices_and_pipes_are_refused_and_what_a_shell_hands_over_is_read() {
+    fn devices_are_refused_and_pipes_of_a_shell_are_read() {
         use std::io::Write;
         use std::os::fd::AsRawFd;
         for device in ["/dev/zero", "/dev/null", "/dev/full", "/proc/kmsg", "/proc/self/environ"] {

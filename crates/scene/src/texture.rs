@@ -414,7 +414,7 @@ mod picture_tests {
     }
 
     #[test]
-    fn sampling_is_exact_at_texels_and_linear_between_them_and_between_levels() {
+    fn texture_sampling_is_exact_at_texels_and_linear_between() {
         let texture = checkered(UVec2::new(4, 4));
         let at = |x: f32, y: f32| Vec2::new(x, y) / 4.0;
         assert_eq!(texture.sample(at(0.5, 0.5), 0.0), [1.0; 3]);

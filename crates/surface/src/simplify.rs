@@ -397,7 +397,7 @@ mod tests {
     }
 
     #[test]
-    fn pieces_too_small_for_the_budget_go_and_the_rest_keeps_its_shape() {
+    fn simplify_drops_small_pieces_and_keeps_the_shape() {
         let mut mesh = ball(Vec3::ZERO, 1.0, 5);
         for i in 0..100 {
             mesh.append(ball(Vec3::X * (3.0 + i as f32), 0.01, 2)).unwrap();

@@ -555,7 +555,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_that_has_all_steps_that_pay_leaves_the_rest_of_its_budget() {
+    fn budget_that_pays_no_more_is_left() {
         let base = TrainOptions::default();
         let step_limit = StepLimit { steps: Some(1500), ..StepLimit::default() };
         let mut pace = plan(&PlanInput { step_limit, ..input(&base, 600.0) }).unwrap();
@@ -606,7 +606,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_costs_what_its_own_steps_do_and_full_photos_with_engine_shading_most() {
+    fn budget_of_a_part_follows_its_steps_photos_and_shading() {
         let options = |steps| TrainOptions { steps, ..TrainOptions::default() };
         let plain = part_secs(&options(1000), PHOTO, 10_000);
         let longer = TrainOptions { milestones: [400, 667, 800, 1100], ..options(1200) };

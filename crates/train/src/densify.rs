@@ -569,7 +569,7 @@ mod tests {
     }
 
     #[test]
-    fn what_only_far_photos_show_before_a_camera_goes_once_the_scene_is_solid() {
+    fn training_drops_triangles_before_a_camera_once_solid() {
         let options = DensifyOptions::default();
         let removed = |bisect: bool, views: u32, depth: f32| {
             let mut s = state(10);
@@ -594,7 +594,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_pruned_on_an_incomplete_pass_of_five_thousand_photos() {
+    fn prune_waits_for_a_whole_pass_of_the_photos() {
         let options = DensifyOptions::default();
         let mut s = state(50);
         let mut w = VisibilityStats::new(50, 5000);

@@ -233,7 +233,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cloud_is_thinned_evenly_and_only_where_it_has_too_many_points() {
+    fn point_cloud_is_thinned_evenly_above_the_limit() {
         let point = |i: usize| Point { position: Vec3::X * i as f32, rgb: [0; 3], error: None };
         let cloud: Vec<Point> = (0..1000).map(point).collect();
         assert!(matches!(even_subset(&cloud, 1000), Cow::Borrowed(_)));

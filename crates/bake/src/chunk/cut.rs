@@ -344,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tree_by_a_sample_cuts_a_large_scene_as_well_as_all_faces_do() {
+    fn chunk_tree_of_a_sample_cuts_as_well_as_of_all_faces() {
         let faces = TREE_SAMPLE + 30_001;
         let mesh = scene(faces);
         let limit = 4000;

@@ -360,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn level_cameras_give_the_axis_that_their_rows_are_at_right_angles_to() {
+    fn up_axis_of_level_cameras_is_normal_to_their_rows() {
         for up in [Vec3::NEG_Y, Vec3::Z, Vec3::new(0.3, -0.8, 0.5).normalize()] {
             let wobble = |i: usize| 0.05 * ((i * 7 % 11) as f32 - 5.0) / 5.0;
             let found =

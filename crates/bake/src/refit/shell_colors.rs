@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn what_photos_show_is_kept_what_none_shows_is_between_and_no_seam_is_seen() {
+    fn texture_fills_unseen_parts_without_a_seam() {
         let mesh = sphere();
         let count = mesh.face_count();
         let height = |face: usize| mesh.centroid(face).y / 5.0;

@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn the_shell_is_taken_and_turned_inward_and_what_leans_against_it_stays() {
+    fn sky_takes_the_shell_and_leaves_what_leans_against_it() {
         let mut mesh = scene(1);
         // In the plane of a triangle of the shell: only the flag tells them apart.
         let leaning = Mesh { shell: Vec::new(), ..scene(0).part(&[0]) };

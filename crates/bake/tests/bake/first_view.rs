@@ -20,7 +20,7 @@ fn studio() -> Asset {
 }
 
 #[test]
-fn a_glb_with_surroundings_has_a_camera_node_that_looks_at_the_subject() {
+fn glb_with_surroundings_has_a_camera_node() {
     let asset = studio();
     let viewpoint = asset.provenance.viewpoint.expect("photos or not");
     let bytes = to_glb_bytes(&asset, &GltfOptions::default()).expect("it fits");
@@ -51,7 +51,7 @@ fn a_glb_with_surroundings_has_a_camera_node_that_looks_at_the_subject() {
 }
 
 #[test]
-fn an_orbit_of_any_soup_keeps_the_subject_in_the_picture_and_stays_inside_the_shell() {
+fn orbit_of_any_soup_keeps_the_subject_in_view() {
     let path = trisplat_fixtures::sample("soups/studio.ply");
     let ImportedScene { scene, provenance, .. } =
         formats::read(&path, &ReadOptions::default()).expect("a sample");

@@ -87,7 +87,7 @@ fn dark(mesh: &Mesh) -> f64 {
 }
 
 #[test]
-fn smooth_normals_are_those_of_the_surface_and_fronts_follow_them() {
+fn lit_smooth_normals_are_those_of_the_surface() {
     // What the triangles around say.
     let (mesh, details, off) = angles(Lit::Smooth, &around(), None);
     assert_eq!((details.on_surface, dark(&mesh)), (0, 0.0));
@@ -205,7 +205,7 @@ fn node_scale(node: &gltf::Node<'_>) -> [[f64; 3]; 3] {
 }
 
 #[test]
-fn normals_arrive_in_glb_as_floats_and_as_bytes_beside_positions_on_a_grid() {
+fn lit_glb_has_normals_as_floats_or_as_bytes() {
     let folder = tempfile::tempdir().unwrap();
     // Blender's small files are quantised without meshopt, so the `gltf` crate reads them.
     for (target, compress, degrees) in
@@ -241,7 +241,7 @@ fn normals_arrive_in_glb_as_floats_and_as_bytes_beside_positions_on_a_grid() {
 }
 
 #[test]
-fn an_unlit_file_holds_no_normals_and_a_lit_one_costs_what_they_take() {
+fn unlit_file_holds_no_normals() {
     let folder = tempfile::tempdir().unwrap();
     let bytes = |asset: &Asset, name: &str, options: &OutputOptions| {
         write(asset, &folder.path().join(name), options)

@@ -146,7 +146,7 @@ pub(super) fn views(dataset: &Dataset) -> Views {
 }
 
 #[test]
-fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
+fn unseen_drops_triangles_behind_masks_only() {
     const THING: u32 = 60;
     let mesh = scene();
     let (folder, _) = photograph(&mesh, |_, photo| photo);
@@ -301,7 +301,7 @@ fn blue_again(start: &Mesh, mesh: &Mesh) -> usize {
 }
 
 #[test]
-fn a_channel_that_training_left_at_zero_takes_what_photos_show_in_one_pass() {
+fn refit_fills_a_channel_at_zero_in_one_pass() {
     let (truth, dead) = without_blue();
     let (_folder, dataset) = photograph(&truth, |_, photo| photo);
     let options = RefitOptions { refit: RefitColors::Flat, ..RefitOptions::DEFAULT };
@@ -311,7 +311,7 @@ fn a_channel_that_training_left_at_zero_takes_what_photos_show_in_one_pass() {
 }
 
 #[test]
-fn a_channel_at_zero_that_photos_contradict_returns_where_all_other_colours_stay() {
+fn refit_restores_a_channel_at_zero() {
     let (truth, dead) = without_blue();
     // Photos that are not held out lack red and green, so that the scene's own colours are better.
     let bluish = |view: usize, mut photo: RgbImage| {
@@ -461,7 +461,7 @@ fn holes_are_closed_with_what_photos_show_through_them() {
 }
 
 #[test]
-fn the_backdrop_stays_apart_from_the_scene_and_through_another_bake() {
+fn backdrop_stays_separate_through_another_bake() {
     let mesh = grey(&scene());
     let mut truth = mesh.clone();
     truth.positions.extend(room(20.0));

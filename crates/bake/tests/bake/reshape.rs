@@ -58,7 +58,7 @@ fn reshaped(
 }
 
 #[test]
-fn fitted_triangles_come_closer_to_pictures_they_were_not_fitted_to() {
+fn reshape_improves_held_out_pictures() {
     let (without, report) = baked_with(soft(cameras()), options(ReshapeOptions::OFF));
     assert_eq!(skipped(&report, "reshape"), Some("`reshape` off"));
     let (with, report) = baked_with(soft(cameras()), options(ReshapeOptions::DEFAULT));

@@ -92,7 +92,7 @@ fn what_cameras_see_from_one_side_turns_its_front_to_them() {
 }
 
 #[test]
-fn what_is_seen_from_both_sides_by_a_tenth_or_by_nobody_keeps_both() {
+fn sides_seen_from_both_or_by_nobody_stay_double() {
     let count = |front: usize, back: usize| {
         let mut mesh = cards();
         let cameras =
@@ -135,7 +135,7 @@ fn ball_and_cards() -> Mesh {
 }
 
 #[test]
-fn a_bake_with_photos_writes_sides_into_its_levels_and_tiles_too() {
+fn sides_by_photos_are_in_levels_and_tiles() {
     let scene = ball_and_cards();
     let (_folder, dataset) = photograph(&scene, |_, photo| photo);
     let bake = |change: &dyn Fn(&mut BakeOptions)| {

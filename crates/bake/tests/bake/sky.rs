@@ -157,7 +157,7 @@ fn a_shell_without_photos_keeps_its_colours_and_loses_its_edges() {
 }
 
 #[test]
-fn without_photos_and_shell_no_sky_is_written_and_the_bake_says_so() {
+fn sky_without_photos_and_shell_is_not_written() {
     let (asset, report) = baked(grey(&scene()), None, |_| ());
     assert!(asset.sky().is_none());
     assert!(

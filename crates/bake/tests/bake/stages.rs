@@ -51,7 +51,7 @@ fn prune_counts_by_cause() {
 }
 
 #[test]
-fn a_scene_of_any_scale_is_baked_whole_or_refused_with_the_remedy() {
+fn bake_of_any_scale_is_whole_or_refused_with_the_remedy() {
     for scale in [1e-30f32, 1e-15, 1e-3, 1.0, 1e6, 1e12, 1e14, 1e15, 1e16, 1e25, 1e37] {
         let mut mesh = mesh_of(&random(4000, 0.02));
         let most = mesh.positions.iter().map(|v| v.abs().max_element()).fold(0.0, f32::max);

@@ -109,7 +109,7 @@ fn bounds(mesh: &Mesh) -> (Vec3, Vec3) {
 }
 
 #[test]
-fn the_thing_and_a_hands_breadth_of_the_table_are_kept_with_the_origin_under_them() {
+fn crop_keeps_the_object_and_a_margin_of_its_table() {
     let whole = baked(&[]);
     let mesh = baked(&["subject"]);
     assert_eq!(
@@ -148,7 +148,7 @@ fn shares(mesh: &Mesh) -> [f32; 2] {
 }
 
 #[test]
-fn a_viewer_that_frames_the_file_shows_it_on_a_quarter_of_the_picture() {
+fn framing_of_other_viewers_fills_a_quarter_of_the_picture() {
     let [before, after] = [baked(&[]), baked(&["subject"])].map(|mesh| shares(&mesh));
     assert!(before[0] < 0.02, "{before:?}");
     assert!(after[1] > 0.25 && after[0] > 0.18, "{after:?}");

@@ -67,7 +67,7 @@ pub(crate) fn psnr(asset: &Asset) -> f64 {
 }
 
 #[test]
-fn a_plain_bake_of_a_soft_scene_comes_closer_to_its_soft_pictures() {
+fn refit_of_a_soft_scene_improves_on_its_pictures() {
     for stored in [cameras(), Vec::new()] {
         let kind = if stored.is_empty() { ViewpointKind::Around } else { ViewpointKind::Stored };
         let (without, report) = baked(soft(stored.clone()), TeacherOptions::OFF);

@@ -139,7 +139,7 @@ fn a_part_is_scored_by_the_pixels_that_it_covers() {
 
 /// `auto` keeps the colours; who asks for a texture gets one, and is told.
 #[test]
-fn photos_that_disagree_decide_for_auto_and_warn_who_asked_for_a_texture() {
+fn texture_auto_is_off_for_photos_that_disagree() {
     let grey = || wall(4, |_, _| [0.4; 3]);
     // Every photo is of other stripes, about that grey.
     let striped =
@@ -305,7 +305,7 @@ fn a_textured_file_reads_back_as_it_was() {
 }
 
 #[test]
-fn a_texture_that_is_baked_again_is_kept_where_triangles_stay_as_they_are() {
+fn texture_baked_again_is_kept_where_triangles_stay() {
     let again = |max_triangles: Option<u64>, walls: usize| {
         let mut options = BakeOptions::preset(trisplat_bake::BakePreset::Fast);
         options.prune.max_triangles = max_triangles;

@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn no_training_takes_more_than_the_budget_and_rows_end_where_triangles_gain_nothing() {
+    fn cost_grid_keeps_to_the_budget_and_ends_rows_without_gain() {
         let grid = CostGrid::new(&[], &[], 30.0).unwrap();
         assert_eq!(
             (&grid.steps[..3], &grid.triangles[..3]),

@@ -115,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_is_in_the_order_of_the_axes_and_its_ranges_hold_their_ordinary_values() {
+    fn stress_axes_are_in_order_and_hold_their_ordinary_values() {
         for (i, row) in AXES.iter().enumerate() {
             assert_eq!(row.axis as usize, i, "{}", row.name);
             assert_eq!(serde_json::to_value(row.axis).unwrap(), row.name);

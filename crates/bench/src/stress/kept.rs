@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn a_triangle_is_found_wherever_its_first_corner_is_and_not_elsewhere() {
+    fn decimation_finds_a_triangle_by_any_first_corner() {
         let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
         let turned = [Vec3::X, Vec3::Y, Vec3::ZERO].map(|corner| corner.as_dvec3());
         assert!(can_be_drawn(&corners) && is_same(&corners, &turned));

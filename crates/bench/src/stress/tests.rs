@@ -18,7 +18,7 @@ fn args(cases: u64) -> StressArgs {
 }
 
 #[test]
-fn a_broken_promise_is_an_error_with_its_case_and_a_rare_failure_is_not() {
+fn stress_promise_broken_is_an_error_with_its_case() {
     let mut report = measure(&args(64)).unwrap();
     let (case, _) = StressCase::random(1, 3);
     let at = |promise: Promise| promise as usize;
@@ -48,7 +48,7 @@ fn a_broken_promise_is_an_error_with_its_case_and_a_rare_failure_is_not() {
 }
 
 #[test]
-fn a_replay_fails_where_the_case_fails_a_promise_and_text_that_is_no_case_is_told() {
+fn stress_replay_fails_for_a_broken_promise_or_no_case() {
     let needle = r#"{"seed": 3, "axes": {"aspect": 1e8, "sigma": 20}}"#;
     let needle = StressCase::parse(needle).unwrap();
     assert!(replay(&needle).is_ok(), "outside the domain nothing is promised of frames");
@@ -77,7 +77,7 @@ fn promises_hold_on_the_cases_of_the_suite() {
 /// Case of seed 3 among 150,000: parallel slivers, a millionth of their distance apart and 444
 /// times as long as high.
 #[test]
-fn slivers_a_millionth_apart_hide_each_other_as_far_as_their_depths_are_exact() {
+fn solid_slivers_a_millionth_apart_hide_each_other() {
     let axes = [(Axis::Aspect, 443.764_202_811_409_6), (Axis::Gap, 9.214_683_723_385_382e-7)];
     let case = StressCase { seed: 95_633_771_826_690, axes: axes.into_iter().collect() };
     assert_eq!(figures(&case).unwrap().worst(Promise::SolidSamples), 0.0);

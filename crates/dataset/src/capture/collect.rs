@@ -422,7 +422,7 @@ mod tests {
     use std::ops::ControlFlow;
 
     #[test]
-    fn photos_of_one_stem_or_of_names_that_differ_in_case_have_distinct_names() {
+    fn capture_gives_photos_of_one_stem_distinct_names() {
         let photos = ["A.png", "a.PNG", "b-2.PNG", "a.jpg", "a.webp", "a.tif", "b.c/d.tif"];
         let opened = photos.map(|name| OpenedPhoto {
             source: SourcePhoto { path: PathBuf::new(), name: name.to_owned() },

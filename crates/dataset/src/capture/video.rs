@@ -419,7 +419,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sharpest_frame_of_each_window_is_taken_and_a_standing_camera_gives_one() {
+    fn video_gives_the_sharpest_frame_of_each_window() {
         let mut watch = FrameWatch::default();
         (0..20).for_each(|_| watch.add(&frame(0.0, false)));
         assert_eq!(choose(&watch.frames, 150).len(), 1);

@@ -397,7 +397,7 @@ mod tests {
     }
 
     #[test]
-    fn corrections_are_the_known_part_of_the_estimates_by_their_strengths() {
+    fn exposure_corrections_follow_errors_and_strengths() {
         assert_eq!(solved(0.3, 0.01, 0.5).corrections(Strengths::NONE), None);
         let estimates = solved(0.3, 0.01, 0.4);
         let full = estimates.corrections(Strengths::FULL).unwrap();

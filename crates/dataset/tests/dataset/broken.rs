@@ -55,7 +55,7 @@ fn a_lens_beyond_the_range_is_refused_with_a_reason() {
 }
 
 #[test]
-fn cameras_beyond_what_floats_square_are_refused_and_points_left_out() {
+fn cameras_beyond_float_range_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     copy_sample(folder.path());
     let scaled = |name: &str, columns: std::ops::Range<usize>, scale: f64, every: usize| {
@@ -223,7 +223,7 @@ fn binary_model() -> [(&'static str, Vec<u8>); 3] {
 }
 
 #[test]
-fn every_cut_and_every_flipped_byte_of_a_binary_model_is_survived() {
+fn colmap_binary_cuts_and_flipped_bytes_are_survived() {
     let folder = tempfile::tempdir().unwrap();
     copy_sample(folder.path());
     let sparse = folder.path().join("sparse/0");

@@ -65,7 +65,7 @@ fn silhouettes_of_an_object_cut_it_out() {
 }
 
 #[test]
-fn masks_of_people_of_a_lens_and_of_some_photos_only_do_not_count() {
+fn masks_of_people_or_of_a_lens_are_no_silhouettes() {
     // Someone who walks past.
     let passing = |i: usize, view: &View, px: Vec2| {
         let size = view.camera.size.as_vec2();

@@ -55,7 +55,7 @@ fn lenses() -> Vec<(&'static str, Lens, &'static [&'static str])> {
 }
 
 #[test]
-fn a_point_lands_where_the_lens_shows_it_and_the_views_cover_the_field() {
+fn fisheye_views_cover_the_field_and_place_points_exactly() {
     for (model, lens, names) in lenses() {
         let folder = tempfile::tempdir().unwrap();
         let options = SyntheticOptions { views: 3, points: 0, ..SyntheticOptions::default() };

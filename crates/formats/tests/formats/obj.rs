@@ -228,7 +228,7 @@ fn polygons_anywhere_in_space_keep_their_outline_and_colors() {
 }
 
 #[test]
-fn a_name_that_an_obj_cannot_hold_is_refused_and_nothing_is_written() {
+fn obj_name_that_it_cannot_hold_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let asset = Asset::from(mesh(1, false, false, false));
     let write = |name: &str| {

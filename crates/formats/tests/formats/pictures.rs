@@ -110,7 +110,7 @@ fn a_line_of_many_libraries_costs_little_time() {
 }
 
 #[test]
-fn names_of_libraries_and_pictures_are_found_as_programs_write_them() {
+fn obj_library_and_picture_names_are_found() {
     for (library, obj, mtl) in [
         ("a.mtl", "mtllib a.mtl\n", "newmtl m\nmap_Kd my col.png\n"),
         ("q mtl.mtl", "mtllib \"q mtl.mtl\"\n", "newmtl m\nKd 1 1 1\nmap_Kd \"my col.png\"\n"),

@@ -103,7 +103,7 @@ fn a_ply_becomes_physical_numbers_in_any_order_of_properties() {
 }
 
 #[test]
-fn two_scales_are_a_disc_and_a_filter_in_the_world_widens_and_thins() {
+fn gaussians_of_two_scales_are_discs_that_a_filter_widens() {
     let disc: Vec<&str> = PLAIN.into_iter().filter(|name| *name != "scale_2").collect();
     let mut row = plain_row();
     row.remove(9);
@@ -552,7 +552,7 @@ fn a_file_cut_anywhere_is_one_error_or_another_format() {
 }
 
 #[test]
-fn promises_beyond_the_file_or_the_limits_are_refused_before_memory_is_taken() {
+fn glb_promises_beyond_the_file_are_refused_before_memory() {
     let mut many = spz_bytes(3);
     many[8..12].copy_from_slice(&u32::MAX.to_le_bytes());
     let error = read("a.spz", &gzipped(&many)).expect_err("not there").to_string();
@@ -605,7 +605,7 @@ fn a_bomb_of_zstd_is_refused_before_it_is_unpacked() {
 }
 
 #[test]
-fn a_bomb_of_webp_or_json_in_sog_is_refused_before_it_is_unpacked() {
+fn sog_bomb_is_refused_before_it_is_unpacked() {
     let large = webp_of([255, 0, 0, 255], 4000, 4000);
     let text = format!("{{\"version\": 2, \"list\": [{}0]}}", "0,".repeat(BOMB / 2)).into_bytes();
     for (name, bytes, needle) in
@@ -648,7 +648,7 @@ fn versions_without_a_reader_are_refused_with_a_remedy() {
 }
 
 #[test]
-fn cameras_beside_the_file_are_found_and_broken_ones_are_a_warning() {
+fn splat_cameras_are_found_and_broken_ones_are_a_warning() {
     let folder = tempfile::tempdir().expect("a folder");
     let output = folder.path().join("point_cloud/iteration_30000");
     std::fs::create_dir_all(&output).expect("a folder");
@@ -703,7 +703,7 @@ fn sheet(size: f64, row: impl Fn(f64, f64) -> [f64; 2]) -> Vec<Vec<f64>> {
 }
 
 #[test]
-fn lengths_and_shares_in_place_of_logarithms_and_logits_are_recognised_and_named() {
+fn splats_without_logarithms_or_logits_are_named() {
     let logit = |share: f64| (share / (1.0 - share)).ln();
     let read =
         |rows: &[Vec<f64>]| read("a.ply", &ply(&owned(&PLAIN), "float", rows)).expect("valid");
@@ -849,7 +849,7 @@ fn seen_from_around(folder: &Path, file: impl Fn(DVec3) -> DVec3) -> ImportedSpl
 }
 
 #[test]
-fn cameras_of_another_frame_are_turned_and_those_of_another_scene_are_not_used() {
+fn cameras_of_another_frame_are_turned_of_another_scene_unused() {
     let folder = tempfile::tempdir().expect("a folder");
     let own = seen_from_around(folder.path(), |place| place);
     assert_eq!((own.cameras.len(), &own.warnings), (21, &Vec::new()));

@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn the_subject_is_where_photos_look_not_the_many_points_behind_it() {
+    fn subject_is_where_photos_look() {
         let target = Vec3::new(3.0, 1.0, -2.0);
         let eyes =
             [0.0f32, 1.3, 2.6, 3.9, 5.2].map(|a| target + 4.0 * Vec3::new(a.cos(), 0.4, a.sin()));

@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn without_photos_all_of_the_subject_is_in_view_from_somewhat_above() {
+    fn viewpoint_without_photos_shows_the_subject_from_above() {
         let chosen = of(&ball(), &[]);
         assert_eq!(chosen.photo, None);
         let Viewpoint { eye, target, .. } = chosen.viewpoint;
@@ -484,7 +484,7 @@ mod orbit_tests {
     }
 
     #[test]
-    fn an_orbit_keeps_the_subject_in_the_picture_and_stays_inside_the_shell() {
+    fn orbit_keeps_the_subject_in_view_inside_the_shell() {
         let target = Vec3::new(1.0, 0.5, 0.0);
         let radius = 0.8;
         let viewpoint = Viewpoint { radius: Some(0.8), fov: 20.0, ..VIEWPOINT };
@@ -504,7 +504,7 @@ mod orbit_tests {
     }
 
     #[test]
-    fn a_wall_behind_the_subject_brings_only_the_cameras_there_nearer() {
+    fn orbit_comes_nearer_only_before_a_wall() {
         // A subject on a wall: behind it there is half a unit of room.
         let room = |way: Vec3| if way.x < 0.0 { 0.5 } else { 9.0 };
         let orbit = orbit(&VIEWPOINT, Vec3::Y, &room, UVec2::new(400, 300), 4);

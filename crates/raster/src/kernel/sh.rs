@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_constant_of_soups_is_the_kernels_to_one_unit_in_the_last_place() {
+    fn sh_constant_of_soups_equals_the_kernels_to_one_ulp() {
         let exact = SH_C0 as f32;
         let soup = trisplat_scene::SH_C0;
         assert!(soup == exact || soup.next_up() == exact);

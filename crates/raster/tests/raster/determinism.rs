@@ -43,7 +43,7 @@ fn reused_scratch_memory_changes_nothing() {
 }
 
 #[test]
-fn rows_of_unseen_triangles_are_zero_and_visible_lists_the_others() {
+fn gradients_of_unseen_triangles_are_zero() {
     let soup = random_soup(24, 400, 1);
     let grad = draw(&soup, &camera([50, 40]), &options(), 1).grad;
     assert!(grad.visible.windows(2).all(|w| w[0] < w[1]) && grad.visible.len() > 50);

@@ -130,7 +130,7 @@ fn differences(a: &[[f32; 3]], b: &[[f32; 3]]) -> (f32, f32) {
 }
 
 #[test]
-fn pictures_are_those_of_brute_force_from_outside_and_inside_and_off_centre() {
+fn soft_frames_equal_brute_force_from_every_viewpoint() {
     let options = GaussianOptions { background: [0.2, 0.5, 0.9], ..GaussianOptions::default() };
     let middle = Vec2::new(41.5, 30.5);
     let views = [
@@ -170,7 +170,7 @@ fn a_disc_and_a_needle_across_the_picture_are_drawn_exactly() {
 }
 
 #[test]
-fn pictures_do_not_depend_on_the_number_of_threads_and_ties_go_by_index() {
+fn solid_pictures_are_equal_on_any_number_of_threads() {
     let mut splats = random(3000, 4);
     // All at one depth: what lies in front is what comes first in the file.
     splats.positions.iter_mut().for_each(|p| p.z = 0.0);

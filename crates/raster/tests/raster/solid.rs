@@ -230,7 +230,7 @@ fn neighbours_neither_gap_nor_overlap() {
 }
 
 #[test]
-fn samples_on_an_edge_belong_to_the_triangle_on_their_lower_right() {
+fn solid_samples_on_an_edge_belong_to_the_lower_right() {
     // Corners on sample centres: a square from (2.5, 2.5) to (6.5, 6.5) holds 4 x 4 samples, not 5
     // x 5.
     let camera = Camera { focal: Vec2::ONE, center: Vec2::ZERO, ..camera(UVec2::splat(10)) };

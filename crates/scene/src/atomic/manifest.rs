@@ -266,7 +266,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn nothing_is_changed_through_a_link_or_by_a_list_that_leads_elsewhere() {
+    fn make_changes_nothing_through_a_link() {
         let (folder, mut list) = folder();
         let at = |name: &str| folder.path().join(name);
         std::fs::rename(at("one"), at("kept")).unwrap();

@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn pages_become_one_and_faces_that_share_corners_are_copied_once() {
+    fn texture_pages_become_one_and_copy_faces_once() {
         let mut two = texture(10);
         let mut other = texture(10);
         other.pages = vec![Arc::new(Texture::clone(&two.pages[0]))];

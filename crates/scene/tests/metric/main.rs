@@ -18,7 +18,7 @@ fn picture(name: &str) -> RgbImage {
 }
 
 #[test]
-fn metrics_equal_the_values_of_scikit_image_and_of_flip_evaluator() {
+fn metrics_equal_scikit_image_and_flip_evaluator() {
     let text = std::fs::read_to_string(here("crates/scene/tests/metric/reference.json")).unwrap();
     let values: Value = serde_json::from_str(&text).unwrap();
     let pairs = values["pairs"].as_array().unwrap();
@@ -38,7 +38,7 @@ fn metrics_equal_the_values_of_scikit_image_and_of_flip_evaluator() {
 
 /// Photos and trained scenes of others, where they are at hand.
 #[test]
-fn metrics_equal_the_values_of_torch_on_pictures_that_are_not_ours() {
+fn metrics_equal_torch_on_pictures_of_others() {
     let folder = here("../shared/metrics");
     let Ok(text) = std::fs::read_to_string(folder.join("reference_values.json")) else {
         let _ = writeln!(std::io::stderr(), "SKIPPED (no ../shared/metrics)");

@@ -446,7 +446,7 @@ mod tests {
     }
 
     #[test]
-    fn a_triangle_that_is_a_little_off_its_points_moves_half_of_the_way_along_its_normal() {
+    fn anchors_pull_a_triangle_half_way_along_its_normal() {
         for (z, pinned, shift) in [(2.04, 0, -0.02), (1.96, 0, 0.02), (2.2, 0, 0.0), (2.04, 1, 0.0)]
         {
             let state = OptimizerState { pinned, ..state(&[across(z)]) };
@@ -459,7 +459,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_that_photos_see_through_gets_a_triangle_in_its_surface() {
+    fn anchors_add_a_triangle_where_photos_see_through() {
         let anchors = anchors();
         let mut state = state(&[across(3.0)]);
         let before = repair(&anchors, &state, 3);
@@ -483,7 +483,7 @@ mod tests {
     }
 
     #[test]
-    fn a_triangle_before_points_goes_unless_most_of_its_photos_know_nothing_against_it() {
+    fn anchors_remove_a_triangle_before_points() {
         let anchors = anchors();
         let scene = state(&[across(1.0), across(2.0)]);
         assert_eq!(repair(&anchors, &scene, 3).occludes, [true, false]);

@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn points_lie_on_the_surfaces_that_their_photos_show_and_train_better_than_a_random_cloud() {
+    fn sparse_points_lie_on_surfaces_and_beat_a_random_cloud() {
         let (_folder, dataset) = without_points(24, 128);
         let matched = reconstructed_by(1, &dataset);
         let mut correct = 0u32;

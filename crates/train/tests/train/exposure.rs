@@ -19,7 +19,7 @@ fn load(folder: &Path) -> Dataset {
 }
 
 #[test]
-fn what_a_phone_did_is_found_again_and_a_run_that_goes_on_finds_the_same() {
+fn exposure_of_a_phone_is_found_also_by_a_resumed_run() {
     let folder = tempfile::tempdir().unwrap();
     let truth = phone_sample(folder.path());
     let dataset = load(folder.path());

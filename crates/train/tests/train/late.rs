@@ -119,7 +119,7 @@ fn figures_that_come_late_are_all_in_the_curve() {
 }
 
 #[test]
-fn a_backend_that_is_lost_leaves_the_scene_of_the_last_refinement() {
+fn backend_lost_leaves_the_scene_of_the_last_refinement() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
     let options = options(60);

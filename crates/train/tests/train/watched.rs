@@ -6,7 +6,7 @@ use trisplat_scene::{ImportedScene, Scene};
 use trisplat_train::{TrainEvent, TrainInputs};
 
 #[test]
-fn a_run_that_is_watched_gives_away_its_scenes_and_makes_the_same_bits() {
+fn preview_of_a_run_changes_no_bit() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
     let unwatched = trained(&dataset, &options(120));

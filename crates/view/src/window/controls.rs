@@ -353,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn a_photos_tilted_horizon_comes_level_when_one_orbits_and_not_before() {
+    fn page_levels_a_tilted_horizon_by_an_orbit() {
         let level = CameraControls::new(&BOX, Vec3::Y).camera(SIZE, PANE);
         for degrees in [-90.0f32, -20.0, 0.0, 35.0, 180.0] {
             let roll = Mat3::from_rotation_z(degrees.to_radians());

@@ -330,7 +330,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_that_is_dropped_is_a_data_set_of_the_same_scene_and_a_file_another_scene() {
+    fn drop_of_a_folder_is_a_data_set_and_of_a_file_a_scene() {
         let folder = tempfile::tempdir().expect("a folder");
         let files = SceneFiles { file: "a.glb".into(), dataset: Some("photos".into()) };
         let with = files.with_dropped(folder.path());

@@ -163,7 +163,7 @@ fn params(camera: &Camera) -> FrameParams {
 }
 
 #[test]
-fn colours_of_faces_and_of_vertices_are_drawn_where_rays_meet_them() {
+fn solid_colours_of_faces_and_vertices_are_exact() {
     let Some(mut card) = card() else { return };
     let camera = camera();
     for (name, mesh) in [("faces", triangles(600, 3)), ("vertices", indexed(300))] {

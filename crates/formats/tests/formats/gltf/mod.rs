@@ -456,7 +456,7 @@ fn nothing_to_write_is_an_error_that_says_what_to_do() {
 }
 
 #[test]
-fn a_mesh_that_does_not_fit_together_is_refused_before_anything_is_written() {
+fn glb_of_an_inconsistent_mesh_is_refused_before_writing() {
     type Damage = fn(&mut Asset);
     let broken: [(&str, Damage); 8] = [
         ("not finite", |a| a.mesh.positions[4].y = f32::NAN),

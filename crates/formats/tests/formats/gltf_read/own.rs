@@ -200,7 +200,7 @@ fn the_provenance_comes_back() {
 }
 
 #[test]
-fn single_sided_faces_have_a_material_of_their_own_and_come_back_in_their_order() {
+fn single_sided_faces_have_their_material_and_order() {
     for (asset, cuts) in
         [(soup(60), 1), (chunked(soup(60), 20), 3), (sheet(6), 1), (chunked(sheet(6), 20), 3)]
     {

@@ -202,7 +202,7 @@ fn colours_and_factors_multiply_the_picture() {
 }
 
 #[test]
-fn parts_without_a_picture_keep_their_colours_beside_textured_ones() {
+fn texture_leaves_parts_without_a_picture_their_colours() {
     let mut b = with_picture();
     add(
         &mut b,
@@ -293,7 +293,7 @@ fn pictures_in_extensions_are_read_or_named() {
 }
 
 #[test]
-fn unknown_extensions_are_named_and_refused_where_they_are_required() {
+fn gltf_extensions_unknown_and_required_are_refused() {
     let mut b = Builder::triangle();
     b.json["extensionsUsed"] = json!(["KHR_texture_transform", "ACME_shine", "ACME_glow"]);
     let warnings = b.read().expect("valid").warnings;

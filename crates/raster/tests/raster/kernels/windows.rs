@@ -64,7 +64,7 @@ fn exactly_one_edge_is_nearest() {
 }
 
 #[test]
-fn coverage_is_exact_for_edges_and_strips_and_so_is_its_gradient() {
+fn coverage_and_its_gradient_are_exact_for_edges_and_strips() {
     // The pixel [-1/2, 1/2]² and lines x = const: clipping it is arithmetic.
     let far = 9.0;
     for i in -20..=20 {

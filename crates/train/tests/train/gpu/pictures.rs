@@ -78,7 +78,7 @@ fn pictures_are_those_of_the_cpu() {
 }
 
 #[test]
-fn a_scene_of_several_bindings_and_one_without_triangles_are_drawn() {
+fn gpu_draws_scenes_of_several_bindings_and_of_none() {
     let Some(small) = small_card(160 << 10) else { return };
     let large = soup(1100, 3);
     let options = SoftOptions::default();
@@ -109,7 +109,7 @@ fn step(backend: &mut GpuBackend, camera: &Camera, rates: &StepParams) {
 }
 
 #[test]
-fn a_scene_that_trains_is_drawn_as_it_is_and_trains_on_as_if_nobody_had_looked() {
+fn gpu_preview_of_a_training_changes_no_bit() {
     let Some(gpu) = card() else { return };
     let camera = scene::camera();
     let closer = Camera { translation: camera.translation - Vec3::Z, ..camera };

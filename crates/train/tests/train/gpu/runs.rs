@@ -240,7 +240,7 @@ fn a_checkpoint_goes_from_one_backend_to_the_other_and_back() {
 }
 
 #[test]
-fn a_card_that_is_lost_costs_the_steps_since_the_last_refinement() {
+fn gpu_lost_costs_the_steps_since_the_last_refinement() {
     let Some(mut card) = backend() else { return };
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
