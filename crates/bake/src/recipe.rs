@@ -1,14 +1,14 @@
 //! The recipe: the stages in their order, with reasons.
 
 mod colors;
-mod cut;
 mod fit;
 mod levels;
 mod load;
 mod package;
-mod pictures;
 mod solid;
 mod surroundings;
+mod trained_scene;
+mod values;
 mod visibility;
 
 use super::background::BackgroundDetails;
@@ -21,12 +21,10 @@ use super::surroundings::Sky;
 use super::tiles::tiles;
 use super::viewpoint::ViewpointDetails;
 use super::views::Views;
-use levels::LevelContext;
-use load::LoadedScene;
-use pictures::{FileFrame, NormalSources, SceneCameras};
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Counts, Outcome, Report, StageDetails, StageObserver, StageProgress};
 use trisplat_scene::{Asset, ImportedScene, Placement, Result};
+use values::{FileFrame, LevelContext, LoadedScene, NormalSources, SceneCameras};
 
 /// A bake that is running: its options, and where it reports.
 pub(super) struct Recipe<'a> {
@@ -39,9 +37,9 @@ pub(super) struct Recipe<'a> {
 /// The asset of a bake, and the details of two stages that decide about further files.
 #[derive(Debug, Clone)]
 pub struct BakeOutcome {
-    /// For an engine.
+    /// The baked scene, for an engine.
     pub asset: Asset,
-    /// Removed and subject size, if the scene was cropped.
+    /// Triangles removed by cropping, and the size of the subject.
     pub crop: CropDetails,
     /// The first viewpoint.
     pub viewpoint: ViewpointDetails,

@@ -176,9 +176,9 @@ pub(super) fn stored_cameras(scene: &ImportedScene) -> Vec<Camera> {
     viewpoints(scene).map_or(Vec::new(), |viewpoints| viewpoints.cameras)
 }
 
-/// The pictures of a solid `scene` and of its `backdrop` from `cameras`: the look that fewer
-/// triangles are to look like. `None` without cameras, and of a mesh whose triangles are connected
-/// or textured, which keeps its colours.
+/// The pictures of a solid `scene` and of its `backdrop` from `cameras`, to which fewer triangles are
+/// fitted. `None` without cameras, and of a mesh whose triangles are connected or textured, which
+/// keeps its colours.
 ///
 /// # Errors
 ///

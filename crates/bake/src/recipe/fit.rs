@@ -1,7 +1,7 @@
 //! Triangles fitted to pictures.
 
 use super::Recipe;
-use super::pictures::TargetPictures;
+use super::values::TargetPictures;
 use crate::check_dataset::check_dataset;
 use crate::exposure::exposure;
 use crate::reshape::{SceneTraits, reshape};

@@ -1,7 +1,7 @@
 //! Levels of detail, each painted and packaged like its scene.
 
 use super::Recipe;
-use super::pictures::{FileFrame, NormalSources, SceneCameras};
+use super::values::{LevelContext, SceneCameras};
 use crate::chunk::ChunkOptions;
 use crate::lod::{FinishedLevel, LevelSource, LodOptions, lod};
 use crate::options::BakeOptions;
@@ -32,13 +32,6 @@ impl LevelPlan {
             self.backdrop = Some(mesh.clone().split_off(scene_faces));
         }
     }
-}
-
-/// Values that levels share with their scene.
-pub(super) struct LevelContext<'a> {
-    pub provenance: Provenance,
-    pub normals: NormalSources<'a>,
-    pub frame: FileFrame,
 }
 
 /// Number of times that the texture of a scene is halved for a level with this share of its

@@ -1,25 +1,13 @@
 //! The inputs of a bake as one scene.
 
 use super::Recipe;
-use super::pictures::TargetPictures;
+use super::values::{LoadedScene, TargetPictures};
 use crate::merge::{merge, share_world};
 use crate::surroundings::recognise_shell;
 use crate::views::Views;
 use std::ops::ControlFlow::Continue;
-use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Report, StageEvent};
 use trisplat_scene::{ImportedScene, Provenance, Result, Scene};
-
-/// A scene and the photos of it.
-pub(super) struct LoadedScene<'a> {
-    /// Without its backdrop.
-    pub scene: ImportedScene,
-    /// The backdrop of an earlier bake.
-    pub input_backdrop: Option<Mesh>,
-    pub pictures: TargetPictures<'a>,
-    /// True for a mesh whose file names neither its up axis nor its writer.
-    pub up_is_unknown: bool,
-}
 
 impl Recipe<'_> {
     /// Merges `inputs`, and takes `photos` to the frame of the result.

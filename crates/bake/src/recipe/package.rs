@@ -1,7 +1,7 @@
 //! The end of the recipe: a painted mesh made ready for a file.
 
 use super::Recipe;
-use super::pictures::{FileFrame, NormalSources};
+use super::values::{FileFrame, NormalSources};
 use crate::chunk::chunk;
 use crate::lit::lit;
 use crate::order::order;

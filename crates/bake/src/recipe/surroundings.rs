@@ -2,7 +2,7 @@
 //! panorama.
 
 use super::Recipe;
-use super::pictures::SceneCameras;
+use super::values::SceneCameras;
 use crate::refit::{RefitColors, smooth_shell};
 use crate::surroundings::{
     BackdropWhen, Sky, Surroundings, backdrop, close_surface, is_quartered, is_scattered,

@@ -1,7 +1,7 @@
 //! Triangles that cameras see.
 
 use super::Recipe;
-use super::pictures::SceneCameras;
+use super::values::SceneCameras;
 use crate::budget::TriangleBudget;
 use crate::surroundings::protected_faces;
 use crate::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};

@@ -1,11 +1,22 @@
-//! Pictures and cameras of a bake.
+//! Values that steps of the recipe pass on.
 
 use crate::views::Views;
 use glam::Vec3;
 use trisplat_scene::camera::{Camera, Viewpoint};
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::stored_cameras::encode_cameras;
-use trisplat_scene::{Placement, Provenance};
+use trisplat_scene::{ImportedScene, Placement, Provenance};
+
+/// A scene and the photos of it.
+pub(super) struct LoadedScene<'a> {
+    /// Without its backdrop.
+    pub scene: ImportedScene,
+    /// The backdrop of an earlier bake.
+    pub input_backdrop: Option<Mesh>,
+    pub pictures: TargetPictures<'a>,
+    /// True for a mesh whose file names neither its up axis nor its writer.
+    pub up_is_unknown: bool,
+}
 
 /// Pictures that triangles are fitted to: photos or, where none were given, drawings of a soft
 /// scene.
@@ -82,4 +93,11 @@ pub(super) struct NormalSources<'a> {
 pub(super) struct FileFrame {
     pub placement: Placement,
     pub viewpoint: Option<Viewpoint>,
+}
+
+/// Values that levels share with their scene.
+pub(super) struct LevelContext<'a> {
+    pub provenance: Provenance,
+    pub normals: NormalSources<'a>,
+    pub frame: FileFrame,
 }

@@ -2,7 +2,7 @@
 //! triangles.
 
 use super::Recipe;
-use super::pictures::TargetPictures;
+use super::values::TargetPictures;
 use crate::background::{BackgroundDetails, BackgroundFrom, background};
 use crate::crop::{CropDetails, crop};
 use crate::lit::{Lit, SURFACE};
