@@ -128,29 +128,16 @@ impl From<ImportedScene> for AnyScene {
     }
 }
 
-impl From<Scene> for AnyScene {
-    fn from(scene: Scene) -> Self {
-        ImportedScene::from(scene).into()
-    }
+macro_rules! from_triangles {
+    ($($kind:ty),*) => {$(
+        impl From<$kind> for AnyScene {
+            fn from(triangles: $kind) -> Self {
+                ImportedScene::from(triangles).into()
+            }
+        }
+    )*};
 }
-
-impl From<Soup> for AnyScene {
-    fn from(soup: Soup) -> Self {
-        ImportedScene::from(soup).into()
-    }
-}
-
-impl From<Mesh> for AnyScene {
-    fn from(mesh: Mesh) -> Self {
-        ImportedScene::from(mesh).into()
-    }
-}
-
-impl From<Trained> for AnyScene {
-    fn from(trained: Trained) -> Self {
-        ImportedScene::from(trained).into()
-    }
-}
+from_triangles!(Scene, Soup, Mesh, Trained);
 
 impl From<ImportedSplats> for AnyScene {
     fn from(splats: ImportedSplats) -> Self {
