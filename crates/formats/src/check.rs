@@ -1,5 +1,5 @@
-//! Checks a file for faults that readers find, for data that engines reject, and for the promises of
-//! this program's own files.
+//! Checks a file for faults that readers find, for data that engines reject, and for the promises
+//! of this program's own files.
 //!
 //! Readers stop at the first fault; this check reports every fault with its place. Faults of one
 //! kind are one finding, with their number and the first few places.
@@ -103,7 +103,7 @@ fn check_loaded(loaded: &ImportedScene, findings: &mut Findings) {
 // ---- Triangles that an engine draws badly or not at all, in any format --------------------------
 
 /// Largest side of a texture that today's phones draw, texels.
-const LARGEST_TEXTURE: u32 = 4096;
+const MAX_TEXTURE_SIDE: u32 = 4096;
 /// Maximum number of places that a finding names.
 const NAMED: usize = 3;
 
@@ -130,10 +130,10 @@ pub(super) fn check_mesh(mesh: &Mesh, findings: &mut Findings) {
     if let Some(texture) = &mesh.texture {
         let sizes = texture.pages.iter().map(|page| page.size());
         if let Some(size) = sizes.max_by_key(|size| size.max_element())
-            && size.max_element() > LARGEST_TEXTURE
+            && size.max_element() > MAX_TEXTURE_SIDE
         {
             let what = format!(
-                "{}x{} texels: phones draw {LARGEST_TEXTURE} a side at most",
+                "{}x{} texels: phones draw {MAX_TEXTURE_SIDE} a side at most",
                 size.x, size.y
             );
             findings.warning("texture", what);

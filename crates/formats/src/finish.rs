@@ -87,11 +87,13 @@ fn drop_from_mesh(mesh: &mut Mesh) -> Result<Option<usize>> {
 
 /// Maximum distance along every axis below which positions are read unchanged.
 const NEAR_DISTANCE: f64 = 4096.0;
-/// Distance of a data set from the origin, in its sizes, at which f32 loses a millionth of the size.
+/// Distance of a data set from the origin, in its sizes, at which f32 loses a millionth of the
+/// size.
 const MAX_DATASET_DISTANCE: f64 = 100.0;
 /// Distance of a scene from the origin, in its sizes, at which it gets an origin of its own.
 const MAX_SCENE_DISTANCE: f64 = 16.0;
-/// Share of the positions that determine a scene's size, so that outliers or a sky do not change it.
+/// Share of the positions that determine a scene's size, so that outliers or a sky do not change
+/// it.
 const SIZE_QUANTILE: f64 = 0.9;
 /// Maximum number of positions to sample.
 const MAX_SAMPLES: usize = 1 << 12;

@@ -164,7 +164,8 @@ pub(crate) fn recognise(head: &[u8], path: &Path) -> Option<&'static str> {
     }
 }
 
-/// True for the entries of an archive that is a scene in SOG: pictures of the Gaussians' parameters.
+/// True for the entries of an archive that is a scene in SOG: pictures of the Gaussians'
+/// parameters.
 pub(crate) fn is_sog(entries: &[String]) -> bool {
     let has = |file: &str| entries.iter().any(|name| name.rsplit('/').next() == Some(file));
     has("meta.json") && (has("means_l.webp") || has("means_l.png"))

@@ -178,7 +178,7 @@ const UNREAL_CAMERA: f64 = 9.0 / 16.0;
 /// Unity accepts heights up to the whole screen.
 const WHOLE_SCREEN: f64 = 1.0;
 /// Screen size of Unreal's finest level: it is drawn wherever no other level is.
-const FINEST: f64 = 2.0;
+const FINEST_SCREEN_SIZE: f64 = 2.0;
 
 const UNITY: &str = include_str!("levels/levels_unity.cs");
 const UNREAL: &str = include_str!("levels/levels_unreal.py");
@@ -203,8 +203,11 @@ pub(super) fn unity(name: &str, scene: &EngineScene) -> String {
 pub(super) fn unreal(name: &str, scene: &EngineScene) -> String {
     let size = |distance: f64| (scene.radius / (distance * UNREAL_CAMERA)) as f32;
     let sizes = scene.distances(UNREAL_CAMERA).into_iter().map(size);
-    let sizes: Vec<String> =
-        [FINEST as f32].into_iter().chain(sizes).map(|size| format!("{size:?}")).collect();
+    let sizes: Vec<String> = [FINEST_SCREEN_SIZE as f32]
+        .into_iter()
+        .chain(sizes)
+        .map(|size| format!("{size:?}"))
+        .collect();
     filled(UNREAL, name, scene, &sizes)
 }
 

@@ -10,8 +10,8 @@ use std::sync::Arc;
 use trisplat_scene::input::{self, BYTE_ORDER_MARK};
 use trisplat_scene::{Error, Limits, Provenance, Result, UpAxis, excerpt, parallel};
 
-/// Maximum length of a line, bytes: lines of meshes are far shorter, and a longer one means a broken
-/// file.
+/// Maximum length of a line, bytes: lines of meshes are far shorter, and a longer one means a
+/// broken file.
 const MAX_LINE_BYTES: u64 = 1 << 16;
 
 /// A text file, line by line.

@@ -22,8 +22,8 @@ use trisplat_scene::{Asset, Error, FaceTexture, ImportedScene, Result, Scene, ex
 pub use crate::mtl::named_files;
 
 /// The mesh in an OBJ file: all objects and groups as one, vertex colours made linear, white where
-/// a vertex has none, polygons as triangles. Without vertex colours it has the colours of its materials,
-/// or their picture if one paints the whole mesh. Normals, lines and points are skipped.
+/// a vertex has none, polygons as triangles. Without vertex colours it has the colours of its
+/// materials, or their picture if one paints the whole mesh. Normals, lines and points are skipped.
 ///
 /// # Errors
 ///

@@ -291,7 +291,8 @@ pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<Writ
 pub fn named_files(path: &Path, limits: &Limits) -> Vec<PathBuf> {
     let mut files =
         Vec::from_iter(splats::cameras::beside(path).filter(|_| holds_splats(path, limits)));
-    // These formats hold everything themselves; a compressed file would be unpacked to be recognised.
+    // These formats hold everything themselves; a compressed file would be unpacked to be
+    // recognised.
     let is_self_contained = |path: &Path| {
         matches!(
             Format::by_extension(path),

@@ -154,8 +154,8 @@ const HEAD_BYTES: u64 = 1 << 20;
 const MAX_NUMBER_BYTES: u64 = 64;
 /// Maximum numbers of a face: its corners, and their count.
 const MAX_FACE_NUMBERS: u64 = 4097;
-/// Maximum unpacked size of formats without counts, in packed sizes: text shrinks to a tenth, seldom
-/// to a hundredth.
+/// Maximum unpacked size of formats without counts, in packed sizes: text shrinks to a tenth,
+/// seldom to a hundredth.
 const MAX_TEXT_RATIO: u64 = 128;
 
 /// Maximum bytes behind the header of a file that begins with `head`; `packed` is its compressed

@@ -139,8 +139,8 @@ impl OutputTarget {
         }
     }
 
-    /// Options of a GLB for this target, and notes for the user, one sentence each; `small` asks for
-    /// the smallest file that it can read.
+    /// Options of a GLB for this target, and notes for the user, one sentence each; `small` asks
+    /// for the smallest file that it can read.
     pub(crate) fn encoding(self, small: bool) -> (GltfOptions, Vec<String>) {
         let row = self.row();
         let mut notes: Vec<&str> = row.notes.to_vec();

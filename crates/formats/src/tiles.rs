@@ -253,9 +253,9 @@ impl TilesetTile {
         })
     }
 
-    /// The same with subtrees in external tilesets, so that no file holds more than `max_tiles` tiles,
-    /// unless one tile has more children. `save` writes a tileset for a place in the tree, and
-    /// returns its address.
+    /// The same with subtrees in external tilesets, so that no file holds more than `max_tiles`
+    /// tiles, unless one tile has more children. `save` writes a tileset for a place in the tree,
+    /// and returns its address.
     ///
     /// # Errors
     ///
@@ -342,7 +342,8 @@ impl TilesetTile {
     }
 }
 
-/// Maximum number of tiles of an indented file; larger files are three times shorter without indentation.
+/// Maximum number of tiles of an indented file; larger files are three times shorter without
+/// indentation.
 const INDENTED: usize = 1000;
 
 /// The text of the file.

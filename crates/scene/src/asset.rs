@@ -277,8 +277,8 @@ impl From<UpAxis> for UpDirection {
     }
 }
 
-/// Transform from the source's world to the file: `file = turn(rotate) * up_to_y * (scale * (world
-/// - center))`.
+/// Transform from the source's world to the file:
+/// `file = turn(rotate) * up_to_y * (scale * (world - center))`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Placement {

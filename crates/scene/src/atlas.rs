@@ -2,8 +2,8 @@
 //!
 //! In: a mesh whose colours multiply its pictures, and the faces that have one. Out: a texture of
 //! all faces. A face that shows one tile of a picture in one tint keeps the picture as its page.
-//! Every other face becomes a patch of one more page, the atlas: faces whose picture repeats or goes
-//! beyond the border, whose corners have different tints, or that have no picture.
+//! Every other face becomes a patch of one more page, the atlas: faces whose picture repeats or
+//! goes beyond the border, whose corners have different tints, or that have no picture.
 
 use crate::image::RgbImage;
 use crate::math::color::{linear_of_srgb8, srgb8_from_linear};

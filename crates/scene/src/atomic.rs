@@ -2,8 +2,8 @@
 //!
 //! Bytes go to a temporary file beside the target, `.NAME.trisplat.tmp`, which is locked while this
 //! process has it and takes the target's name when all bytes are on the disk. A dropped file leaves
-//! nothing behind; the next writer of the same target removes the file of a killed process. Symbolic
-//! links are followed: their targets are replaced. Devices and pipes cannot be replaced by
+//! nothing behind; the next writer of the same target removes the file of a killed process.
+//! Symbolic links are followed: their targets are replaced. Devices and pipes cannot be replaced by
 //! renaming, so they (and standard output) are written directly.
 //!
 //! Among files that belong together one names the others. A few files are a set, [`publish`]. Many
@@ -226,9 +226,9 @@ fn sync_folder(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Writes `STEM-HASH.ENDING` into `folder`, with the hash of its bytes (XXH3), unless it is there: it
-/// replaces nothing. A new one is removed unless `naming`, the file that names it,
-/// gets its name. Returns its path and the hash.
+/// Writes `STEM-HASH.ENDING` into `folder`, with the hash of its bytes (XXH3), unless it is there:
+/// it replaces nothing. A new one is removed unless `naming`, the file that names it, gets its
+/// name. Returns its path and the hash.
 ///
 /// # Errors
 ///

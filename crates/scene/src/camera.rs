@@ -84,8 +84,8 @@ impl Camera {
         Self { focal: self.focal * ratio, center: self.center * ratio, size, ..*self }
     }
 
-    /// Project a point of the world: its pixel position and depth, hidden or not; `None` outside the
-    /// picture.
+    /// Project a point of the world: its pixel position and depth, hidden or not; `None` outside
+    /// the picture.
     pub fn project(&self, point: Vec3) -> Option<(Vec2, f32)> {
         let in_camera = self.rotation * point + self.translation;
         let at = in_camera.truncate() / in_camera.z * self.focal + self.center;
@@ -193,8 +193,8 @@ pub struct Viewpoint {
     pub orbit: Option<OrbitRange>,
 }
 
-/// Range of the photos' directions around a [`Viewpoint`]'s target, and a little beyond. Viewers keep
-/// their orbit within.
+/// Range of the photos' directions around a [`Viewpoint`]'s target, and a little beyond. Viewers
+/// keep their orbit within.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OrbitRange {

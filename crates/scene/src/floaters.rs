@@ -19,8 +19,8 @@ use glam::Vec3;
 
 /// Minimum opacity of a Gaussian that shows where the scene is.
 pub(crate) const MIN_OPACITY: f32 = 0.1;
-/// Number of nearest neighbours that are tested for touching: two on each side along each of the two
-/// axes of a surface.
+/// Number of nearest neighbours that are tested for touching: two on each side along each of the
+/// two axes of a surface.
 const NEIGHBOURS: usize = 8;
 /// Distance from the middle at which an opaque Gaussian ends, in standard deviations.
 const REACH: f32 = 3.0;

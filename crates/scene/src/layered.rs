@@ -174,8 +174,8 @@ impl<T: Serialize + DeserializeOwned> Layers<T> {
     }
 }
 
-/// Settings as an object of the shape of `defaults`, with groups joined by dots. An unknown key is an
-/// error that lists the right ones.
+/// Settings as an object of the shape of `defaults`, with groups joined by dots. An unknown key is
+/// an error that lists the right ones.
 fn settings<T: DeserializeOwned>(defaults: &Value, sets: &[String]) -> Result<Value> {
     let mut value = Value::Object(Map::new());
     for set in sets {

@@ -169,7 +169,8 @@ impl Mesh {
         }
     }
 
-    /// Colours of the vertices of a mesh without indices, made from its faces' colours if necessary.
+    /// Colours of the vertices of a mesh without indices, made from its faces' colours if
+    /// necessary.
     pub fn vertex_colors(&mut self) -> &mut [[f32; 3]] {
         self.make_vertex_colors();
         match &mut self.colors {

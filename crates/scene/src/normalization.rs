@@ -69,9 +69,9 @@ impl SceneNormalization {
     }
 }
 
-/// Pairs of a camera and a point: all of them, or [`MAX_PAIRS`] in which both are drawn independently.
-/// A stride through the numbered pairs would meet only few cameras if it shared a factor with their
-/// number.
+/// Pairs of a camera and a point: all of them, or [`MAX_PAIRS`] in which both are drawn
+/// independently. A stride through the numbered pairs would meet only few cameras if it shared a
+/// factor with their number.
 fn pairs(cameras: usize, points: usize) -> impl Iterator<Item = (usize, usize)> {
     let all = cameras.saturating_mul(points);
     let camera = Rng::new(SEED, "space camera", 0);

@@ -2,8 +2,8 @@
 //!
 //! All run through [`run`], whose closure is a `dyn Fn`: rayon's adaptors compile the splitting of
 //! the work anew for every loop. So a call must be worth a task: a row, a tile, a chunk. Loops over
-//! small elements take a `grain`, the minimum number of them in a task. Results come in the order of
-//! the input and do not depend on the number of threads.
+//! small elements take a `grain`, the minimum number of them in a task. Results come in the order
+//! of the input and do not depend on the number of threads.
 #![allow(unsafe_code)]
 
 use rayon::prelude::*;

@@ -176,8 +176,8 @@ impl FaceTree {
     }
 }
 
-/// The boxes in a cube of side 1, each enlarged by [`BOX_MARGIN`] and a small amount that differs from
-/// box to box; the origin and scale of the cube.
+/// The boxes in a cube of side 1, each enlarged by [`BOX_MARGIN`] and a small amount that differs
+/// from box to box; the origin and scale of the cube.
 ///
 /// In the cube no area over- or underflows at any scale of the scene. The enlargement, a thousandth
 /// of the box, breaks ties. Among equal boxes obvhs would join one pair per pass, in quadratic

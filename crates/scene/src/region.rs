@@ -59,8 +59,8 @@ impl fmt::Display for Region {
 crate::as_text!(Region);
 
 impl Region {
-    /// True when a point is in the region; `cameras` look at the scene. A subject is determined from
-    /// the whole scene: every point may be in it.
+    /// True when a point is in the region; `cameras` look at the scene. A subject is determined
+    /// from the whole scene: every point may be in it.
     pub fn holds(&self, point: DVec3, cameras: &[Camera]) -> bool {
         match *self {
             Self::Box(low, high) => {

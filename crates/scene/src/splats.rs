@@ -188,8 +188,7 @@ mod tests {
     #[test]
     fn numbers_out_of_range_are_refused_by_the_first_gaussian() {
         assert!(splats(3).validate().is_ok());
-        type Damage = fn(&mut Splats);
-        let damages: [Damage; 6] = [
+        let damages: [fn(&mut Splats); 6] = [
             |s| s.positions[1].x = f32::NAN,
             |s| s.scales[1].y = -1.0,
             |s| s.rotations[1] = Quat::from_xyzw(0.0, 0.0, 0.0, 2.0),
@@ -201,7 +200,7 @@ mod tests {
             let mut broken = splats(3);
             damage(&mut broken);
             let message = broken.validate().expect_err("out of range").to_string();
-            assert!(message.contains("Gaussian 1:"), "{message}");
+            assert!(message.contains("Gaussian 1 "), "{message}");
         }
         let short = Splats { opacity: vec![0.5], ..splats(3) };
         assert!(short.validate().is_err());

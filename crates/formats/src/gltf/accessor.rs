@@ -17,8 +17,8 @@ use trisplat_scene::atlas::{self, PaintedFaces};
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{Error, Limits, Result, Texture};
 
-/// Maximum number of decompressed views kept for the next accessor: positions, colours and indices of
-/// a mesh.
+/// Maximum number of decompressed views kept for the next accessor: positions, colours and indices
+/// of a mesh.
 const MAX_CACHED_VIEWS: usize = 4;
 
 /// Memory layout of an accessor's elements in their (decompressed) buffer view.

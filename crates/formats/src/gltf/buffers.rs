@@ -229,7 +229,7 @@ pub(crate) fn data(uri: &str) -> Result<Vec<u8>, &'static str> {
 
 /// Parts of a document that may name files: buffers and pictures.
 #[derive(Debug, Deserialize)]
-struct NamedFiles {
+struct DocumentUris {
     #[serde(default)]
     buffers: Vec<GltfImage>,
     #[serde(default)]
@@ -239,9 +239,9 @@ struct NamedFiles {
 /// The files beside `source` that its buffers and pictures are in.
 pub fn named_files(source: &mut Source, limits: &Limits) -> Result<Vec<PathBuf>> {
     let container = ContainerFile::read(source, limits)?;
-    let NamedFiles { buffers, images } = parse(&source.path, &container.json, limits)?;
+    let DocumentUris { buffers, images } = parse(&source.path, &container.json, limits)?;
     let folder = source.path.parent().unwrap_or(Path::new(""));
-    let uris = buffers.into_iter().chain(images).filter_map(|named| named.uri);
+    let uris = buffers.into_iter().chain(images).filter_map(|object| object.uri);
     // A URI with a scheme, such as `data:`, is no file.
     let beside = uris.filter(|uri| !is_data(uri) && !uri.contains(':'));
     Ok(beside.map(|uri| folder.join(unescaped(&uri))).collect())

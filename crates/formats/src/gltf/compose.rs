@@ -252,7 +252,8 @@ fn node(mesh: usize, part: &ScenePart) -> Node {
     }
 }
 
-/// The viewpoint that becomes a camera of the file. A file with only a backdrop, or a tile, has none.
+/// The viewpoint that becomes a camera of the file. A file with only a backdrop, or a tile, has
+/// none.
 fn stored_viewpoint<'a>(content: &'a GltfContent) -> Option<&'a Viewpoint> {
     let viewpoint = content.asset.provenance.viewpoint.as_ref();
     viewpoint
@@ -260,8 +261,8 @@ fn stored_viewpoint<'a>(content: &'a GltfContent) -> Option<&'a Viewpoint> {
         .filter(|viewpoint| content.options.sky_name.is_some() || is_within(content, viewpoint))
 }
 
-/// True when the scene surrounds the viewpoint. A camera outside of an object is not written: editors
-/// that frame all of a file frame cameras too, and the object becomes small.
+/// True when the scene surrounds the viewpoint. A camera outside of an object is not written:
+/// editors that frame all of a file frame cameras too, and the object becomes small.
 fn is_within(content: &GltfContent, viewpoint: &Viewpoint) -> bool {
     let eye = DVec3::from(viewpoint.eye).as_vec3();
     let around = bounds(content.parts.iter().flat_map(|part| part.bounds));

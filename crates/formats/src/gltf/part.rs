@@ -504,8 +504,9 @@ impl QuantizationLoss {
     /// Minimum number of triangles per flattened one.
     const MIN_FACES_PER_COLLAPSED: u64 = 200;
 
-    /// True when the loss is acceptable for a chunk of this many faces with the median size `detail`.
-    /// If not, for example because one huge triangle stretches the grid, positions stay floats.
+    /// True when the loss is acceptable for a chunk of this many faces with the median size
+    /// `detail`. If not, for example because one huge triangle stretches the grid, positions stay
+    /// floats.
     pub(crate) fn is_allowed(&self, faces: usize, detail: f64) -> bool {
         f64::from(self.worst) <= Self::MAX_ERROR_SHARE * detail
             && self.collapsed * Self::MIN_FACES_PER_COLLAPSED <= faces as u64

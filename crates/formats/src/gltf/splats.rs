@@ -67,8 +67,8 @@ struct Packing {
     buffer_view: Option<usize>,
 }
 
-/// True when an open glTF file holds Gaussians and no triangles; false for a broken one. The file is
-/// back at byte 0 afterwards.
+/// True when an open glTF file holds Gaussians and no triangles; false for a broken one. The file
+/// is back at byte 0 afterwards.
 pub fn holds_splats(source: &mut Source, limits: &Limits) -> Result<bool> {
     let container = ContainerFile::read(source, limits);
     source.rewind()?;

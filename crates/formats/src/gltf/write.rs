@@ -54,8 +54,9 @@ pub fn to_glb_bytes(asset: &Asset, options: &GltfOptions) -> Result<Vec<u8>> {
 /// Positions are written unchanged, because the bake has turned the scene Y-up.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for zero triangles, [`Error::Invalid`] and [`Error::InvalidData`] for a mesh or chunks that do not
-/// fit together, [`Error::TooLarge`] above 2 GiB (unless allowed) and above 4 GiB, [`Error::Io`].
+/// [`Error::Unsupported`] for zero triangles, [`Error::Invalid`] and [`Error::InvalidData`] for a
+/// mesh or chunks that do not fit together, [`Error::TooLarge`] above 2 GiB (unless allowed) and
+/// above 4 GiB, [`Error::Io`].
 pub fn write_glb(
     out: &mut dyn Write,
     path: &Path,

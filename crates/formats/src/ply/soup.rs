@@ -88,8 +88,8 @@ pub(super) fn read(
 ///
 /// # Errors
 ///
-/// Errors of `out`, and `InvalidInput` above 715,827,882 triangles, where PLY's `int` corner numbers
-/// end.
+/// Errors of `out`, and `InvalidInput` above 715,827,882 triangles, where PLY's `int` corner
+/// numbers end.
 pub fn write_soup(
     out: &mut dyn Write,
     soup: &Soup,

@@ -136,7 +136,8 @@ impl FileManifest {
         remove(&self.root.join(self.name))
     }
 
-    /// The reason why the file `name` belongs to the user; `None` for our files and for a missing one.
+    /// The reason why the file `name` belongs to the user; `None` for our files and for a missing
+    /// one.
     fn foreign_reason(&self, name: &str) -> Result<Option<&'static str>> {
         let path = self.root.join(name);
         match std::fs::symlink_metadata(&path) {

@@ -84,7 +84,8 @@ fn decode_from(
 }
 
 /// Decodes a picture smaller if its format supports it and no side falls below `min_size`: a
-/// JPEG at 1/2, 1/4 or 1/8, an opaque PNG at `min_size`; otherwise in full. Returns its full size too.
+/// JPEG at 1/2, 1/4 or 1/8, an opaque PNG at `min_size`; otherwise in full. Returns its full size
+/// too.
 pub(super) fn decode_reduced(
     path: &Path,
     min_size: UVec2,
@@ -192,8 +193,8 @@ pub(super) fn has_alpha(path: &Path, mut file: impl BufRead + Seek) -> Result<bo
 /// Maximum number of pixels per byte of a file.
 ///
 /// Deflate reaches 1032 bytes per byte (zlib's technical details), and a PNG has one bit per pixel
-/// at min_size. A JPEG spends a bit on the mean of every block of 8x8 pixels. WebP can say "all of it
-/// is grey" in a few bytes.
+/// at min_size. A JPEG spends a bit on the mean of every block of 8x8 pixels. WebP can say "all of
+/// it is grey" in a few bytes.
 fn max_pixels_per_byte(format: Option<image::ImageFormat>) -> u64 {
     match format {
         Some(image::ImageFormat::Png) => 1032 * 8,

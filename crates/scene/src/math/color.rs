@@ -125,21 +125,21 @@ const SERIES: [f64; 5] = {
 /// 2e-15. It is computed in f64 and rounded once.
 #[inline(always)]
 pub(super) fn power_2_4(x: f32) -> f32 {
-    debug_assert!((SMALLEST..=1.0).contains(&x), "{x}");
+    debug_assert!((MIN_ARGUMENT..=1.0).contains(&x), "{x}");
     let Step { inverse, power } =
-        STEPS[((x.to_bits() - SMALLEST.to_bits()) >> STEP_SHIFT) as usize];
+        STEPS[((x.to_bits() - MIN_ARGUMENT.to_bits()) >> STEP_SHIFT) as usize];
     let r = f64::from(x) * inverse - 1.0;
     let [c1, c2, c3, c4, c5] = SERIES;
     let series = c1 + r * (c2 + r * (c3 + r * (c4 + r * c5)));
     (power + power * (r * series)) as f32
 }
 
-/// The smallest argument.
-const SMALLEST: f32 = 1.0 / 16.0;
+/// Minimum argument.
+const MIN_ARGUMENT: f32 = 1.0 / 16.0;
 /// Arguments of a step share sign, exponent and 7 bits of the mantissa.
 const STEP_SHIFT: u32 = 23 - 7;
 /// Number of steps below 1; 1 begins another.
-const COUNT: usize = ((1.0f32.to_bits() - SMALLEST.to_bits()) >> STEP_SHIFT) as usize + 1;
+const COUNT: usize = ((1.0f32.to_bits() - MIN_ARGUMENT.to_bits()) >> STEP_SHIFT) as usize + 1;
 
 /// Arguments from t on.
 #[derive(Clone, Copy)]
@@ -152,7 +152,7 @@ struct Step {
 
 static STEPS: LazyLock<Box<[Step; COUNT]>> = LazyLock::new(|| {
     let start =
-        |i: usize| f64::from(f32::from_bits(SMALLEST.to_bits() + ((i as u32) << STEP_SHIFT)));
+        |i: usize| f64::from(f32::from_bits(MIN_ARGUMENT.to_bits() + ((i as u32) << STEP_SHIFT)));
     Box::new(std::array::from_fn(|i| Step {
         inverse: 1.0 / start(i),
         power: start(i).powf(EXPONENT),
@@ -306,7 +306,7 @@ mod power_tests {
 
     /// All arguments there are.
     fn all() -> impl ParallelIterator<Item = f32> {
-        (SMALLEST.to_bits()..=1.0f32.to_bits()).into_par_iter().map(f32::from_bits)
+        (MIN_ARGUMENT.to_bits()..=1.0f32.to_bits()).into_par_iter().map(f32::from_bits)
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Image metrics between a picture and a photo: PSNR, SSIM and FLIP on 8-bit sRGB pixels.
 //!
-//! Conventions of 3DGS and everything measured against it: PSNR over all channels of one image, SSIM of Wang et al. 2004 with an 11x11 Gaussian, σ 1.5, zero padding, mean over
-//! channels. A weight per pixel, 0 to 255, excludes masked pixels; `None` weights all equally.
+//! Conventions of 3DGS and everything measured against it: PSNR over all channels of one image,
+//! SSIM of Wang et al. 2004 with an 11x11 Gaussian, σ 1.5, zero padding, mean over channels. A
+//! weight per pixel, 0 to 255, excludes masked pixels; `None` weights all equally.
 
 use super::real::Real;
 use crate::parallel;

@@ -1,8 +1,8 @@
 //! The parts of pages that faces show, on a page of their own: for a tile or a cropped scene.
 //!
 //! Rectangles around faces are copied, with free texels around them. They begin at even texels, so
-//! that the next mip level stays as clean as it was. Rectangles of connected faces, such as a chart,
-//! become one where that has fewer texels.
+//! that the next mip level stays as clean as it was. Rectangles of connected faces, such as a
+//! chart, become one where that has fewer texels.
 
 use super::{FaceTexture, Texture};
 use crate::image::RgbImage;
@@ -55,8 +55,8 @@ impl Rectangle {
 
 impl FaceTexture {
     /// The texture of the same faces from pages with half of the texels along each side, `halvings`
-    /// times, with only what the faces show. It has one page of at most `max_side` by `max_side` texels.
-    /// Unchanged where that saves little, or does not fit.
+    /// times, with only what the faces show. It has one page of at most `max_side` by `max_side`
+    /// texels. Unchanged where that saves little, or does not fit.
     pub fn excerpt(&self, halvings: usize, max_side: u32) -> FaceTexture {
         let pages: Vec<&RgbImage> = self.pages.iter().map(|page| page.level(halvings)).collect();
         let (rectangles, of_face) = self.rectangles(&pages);
@@ -131,8 +131,8 @@ impl FaceTexture {
     }
 }
 
-/// The rectangle around all faces of each face's chart, or its own if the faces' own rectangles have
-/// fewer texels. `[F]`
+/// The rectangle around all faces of each face's chart, or its own if the faces' own rectangles
+/// have fewer texels. `[F]`
 fn charts(chart_of: &[u32], own: &[Rectangle]) -> Vec<Rectangle> {
     let mut around: Vec<Option<(Rectangle, u64)>> = vec![None; own.len()];
     for (chart, one) in chart_of.iter().zip(own) {
