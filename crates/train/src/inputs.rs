@@ -1,20 +1,15 @@
-//! The inputs of a training, with its outputs on the way, and its start.
+//! The inputs of a training, and its outputs on the way.
 
-use super::backend::{RunSize, TrainBackend};
+use super::backend::RunSize;
 use super::budget::{BudgetControl, Spending};
 use super::checkpoint::{Checkpoint, CheckpointMeta};
-use super::cpu::CpuBackend;
-use super::device::BackendOptions;
 use super::options::TrainOptions;
 use super::params::Core;
-use super::recorder::TrainObserver;
-use super::trained::Trained;
-use super::training::Training;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_raster::soft::SoftOptions;
-use trisplat_scene::{ImportedScene, Result, SceneNormalization};
+use trisplat_scene::{ImportedScene, SceneNormalization};
 
 /// The part of a scene that a training changes, in agreement with the trainings of other parts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -153,56 +148,13 @@ impl<'a> TrainInputs<'a> {
         Self { background: options.background.to_f32(), photo_bytes, ..self }
     }
 
-    /// Starts the training on the CPU: creates the first triangles, and makes no step.
-    ///
-    /// # Errors
-    ///
-    /// Options out of range, no training photos, a checkpoint of another run.
-    pub fn start(self) -> Result<Training<'a>> {
-        let backend = CpuBackend::new(self.drawing());
-        self.start_with(Box::new(backend))
-    }
-
-    /// [`TrainInputs::start`] on the device of `place`, or on the CPU with a budget.
-    ///
-    /// # Errors
-    ///
-    /// As [`TrainInputs::start`]; `gpu` without a matching card, with one that cannot be
-    /// opened, or with a budget.
-    pub fn start_on(self, place: &BackendOptions) -> Result<Training<'a>> {
-        let has_budget =
-            self.budget_control.is_some() || self.resumed().is_some_and(|meta| meta.pace.is_some());
-        let place = if has_budget { place.of_budget()? } else { place.clone() };
-        let (backend, card, mut warnings) = place.open(self.drawing(), self.size())?;
-        let mut training = self.start_with(backend)?;
-        warnings.append(&mut training.warnings);
-        training.card = card;
-        training.warnings = warnings;
-        Ok(training)
-    }
-
-    /// [`TrainInputs::start`] on a backend with the options of [`TrainInputs::drawing`].
-    pub fn start_with(self, backend: Box<dyn TrainBackend + 'a>) -> Result<Training<'a>> {
-        Training::new(self, backend)
-    }
-
-    /// Trains to the end on the CPU, or until `observer` stops it.
-    ///
-    /// # Errors
-    ///
-    /// As [`TrainInputs::start`]; photos that cannot be decoded. Checkpoints and previews
-    /// that cannot be written are in [`Trained::lost`].
-    pub fn run(self, observer: TrainObserver<'_>) -> Result<Trained> {
-        self.start()?.finish(observer)
-    }
-
     /// Drawing options of the first step.
     pub fn drawing(&self) -> SoftOptions {
         let options = self.resumed().map_or(&self.options, |meta| &meta.options);
         options.drawing(self.background)
     }
 
-    fn resumed(&self) -> Option<&CheckpointMeta> {
+    pub(super) fn resumed(&self) -> Option<&CheckpointMeta> {
         self.resume.as_ref().map(|checkpoint| &checkpoint.meta)
     }
 
@@ -220,7 +172,7 @@ impl<'a> TrainInputs<'a> {
     }
 
     /// Final size of the scene and of its photos.
-    fn size(&self) -> RunSize {
+    pub(super) fn size(&self) -> RunSize {
         let options = self.resumed().map_or(&self.options, |meta| &meta.options);
         let photos = || self.dataset.train().map(|view| view.photo.size);
         let frozen_part = self.part.map_or(0, |part| part.frozen);

@@ -4,7 +4,9 @@
 use super::backend::{PhotoId, StepPhoto, StepStats, TrainBackend};
 use super::budget::BudgetControl;
 use super::checkpoint::{Checkpoint, CheckpointMeta};
+use super::cpu::CpuBackend;
 use super::densify::{self, Densified, densify};
+use super::device::BackendOptions;
 use super::eval::{Evaluator, PhotoScore, Quality, TrainSample, solid_samples};
 use super::identity::{RunIdentity, differences};
 use super::initial::initial_checkpoint;
@@ -73,6 +75,51 @@ struct LoadedAt {
     step: u64,
     dropped: u64,
     visibility: VisibilityStats,
+}
+
+impl<'a> TrainInputs<'a> {
+    /// Starts the training on the CPU: creates the first triangles, and makes no step.
+    ///
+    /// # Errors
+    ///
+    /// Options out of range, no training photos, a checkpoint of another run.
+    pub fn start(self) -> Result<Training<'a>> {
+        let backend = CpuBackend::new(self.drawing());
+        self.start_with(Box::new(backend))
+    }
+
+    /// [`TrainInputs::start`] on the device of `place`, or on the CPU with a budget.
+    ///
+    /// # Errors
+    ///
+    /// As [`TrainInputs::start`]; `gpu` without a matching card, with one that cannot be
+    /// opened, or with a budget.
+    pub fn start_on(self, place: &BackendOptions) -> Result<Training<'a>> {
+        let has_budget =
+            self.budget_control.is_some() || self.resumed().is_some_and(|meta| meta.pace.is_some());
+        let place = if has_budget { place.of_budget()? } else { place.clone() };
+        let (backend, card, mut warnings) = place.open(self.drawing(), self.size())?;
+        let mut training = self.start_with(backend)?;
+        warnings.append(&mut training.warnings);
+        training.card = card;
+        training.warnings = warnings;
+        Ok(training)
+    }
+
+    /// [`TrainInputs::start`] on a backend with the options of [`TrainInputs::drawing`].
+    pub fn start_with(self, backend: Box<dyn TrainBackend + 'a>) -> Result<Training<'a>> {
+        Training::new(self, backend)
+    }
+
+    /// Trains to the end on the CPU, or until `observer` stops it.
+    ///
+    /// # Errors
+    ///
+    /// As [`TrainInputs::start`]; photos that cannot be decoded. Checkpoints and previews
+    /// that cannot be written are in [`Trained::lost`].
+    pub fn run(self, observer: TrainObserver<'_>) -> Result<Trained> {
+        self.start()?.finish(observer)
+    }
 }
 
 impl<'a> Training<'a> {
