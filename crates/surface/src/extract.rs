@@ -19,8 +19,8 @@ use trisplat_teacher::Viewpoints;
 const SMOOTHING: u32 = 8;
 /// Share of the time that drawing takes.
 const DRAWING: f64 = 0.5;
-/// Pieces with less than this share of a part's area are crumbs.
-const CRUMB: f64 = 0.1;
+/// Minimum share of a part's area that a connected component keeps; smaller ones are dropped.
+const MIN_COMPONENT_AREA: f64 = 0.1;
 
 /// The part of a scene that a surface is made of. All of the scene is drawn, so that its pictures
 /// have no holes where the rest begins.
@@ -54,7 +54,7 @@ pub fn surface(
     surface_of_part(scene, cameras, None, options, limits, details, progress)
 }
 
-/// The same, of a `part` of the scene: without crumbs, and with all holes closed.
+/// The same, of a `part` of the scene: without small components, and with all holes closed.
 ///
 /// # Errors
 ///
@@ -91,7 +91,7 @@ pub fn surface_of_part(
         Some(part) => {
             let keep = (part.keep)(&mesh);
             mesh.retain(|face| keep[face]);
-            (drop_small_areas(&mut mesh, CRUMB), Holes::AllButTheWidest)
+            (drop_small_areas(&mut mesh, MIN_COMPONENT_AREA), Holes::AllButTheWidest)
         }
         None => (drop_small(&mut mesh, options.min_component), Holes::Small),
     };

@@ -115,9 +115,12 @@ impl From<[f32; 3]> for Strengths {
 
 /// Longer side of the compared pictures, px.
 const LONGEST: u32 = 256;
-/// Larger codes may be saturated.
+/// Codes from this one on may be saturated: the light was at least this much.
 const SATURATED: u8 = 252;
-/// Weight, of 255, of a pixel with saturated light that the correction darkens.
+/// Weight, of 255, of a saturated pixel in a photo that the correction darkens: about 1/8, from the
+/// smallest darkening on. Darkened, a clipped white becomes a grey that the scene never had, so
+/// photos that are not clipped there decide; it is not 0, as a highlight that is clipped in all
+/// photos would have no colour at all.
 const SATURATED_WEIGHT: u8 = 32;
 /// Steps of r² at which the falloff is tabulated.
 const RINGS: usize = 64;
