@@ -6,7 +6,7 @@ use crate::grid::{Grid, blocks};
 use crate::nets::nets;
 use crate::options::{SurfaceDetails, SurfaceOptions};
 use crate::picture::{DepthPicture, ViewFrustum, pictures};
-use crate::simplify::{simplify, smooth};
+use crate::simplify::{TooFewTriangles, simplify, smooth};
 use glam::Vec3;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
@@ -68,6 +68,41 @@ pub fn surface_of_part(
     details: &mut SurfaceDetails,
     progress: &mut StageProgress<'_>,
 ) -> Result<Option<Mesh>> {
+    extract(scene, cameras, part, options, limits, details, progress)
+        .map_err(|error| error.of_option("max_triangles"))
+}
+
+/// An error of [`extract`]: of the triangle limit, whose option the caller names, or any other.
+enum ExtractError {
+    Limit(TooFewTriangles),
+    Other(Error),
+}
+
+impl From<Error> for ExtractError {
+    fn from(error: Error) -> Self {
+        Self::Other(error)
+    }
+}
+
+impl ExtractError {
+    /// The error, if `option` set the triangle limit.
+    fn of_option(self, option: &str) -> Error {
+        match self {
+            Self::Limit(error) => error.of_option(option),
+            Self::Other(error) => error,
+        }
+    }
+}
+
+fn extract(
+    scene: &ImportedScene,
+    cameras: &[Camera],
+    part: Option<&SurfacePart<'_>>,
+    options: &SurfaceOptions,
+    limits: &Limits,
+    details: &mut SurfaceDetails,
+    progress: &mut StageProgress<'_>,
+) -> Result<Option<Mesh>, ExtractError> {
     options.validate()?;
     let chosen = if cameras.is_empty() { Viewpoints::of(scene, 0) } else { None };
     let cameras = chosen.as_ref().map_or(cameras, |viewpoints| &viewpoints.cameras);
@@ -103,7 +138,7 @@ pub fn surface_of_part(
     if let Some(most) = fewer {
         // Noise that few triangles cannot show would only crease them.
         smooth(&mut mesh, SMOOTHING);
-        if let Some(simplified) = simplify(&mut mesh, most)? {
+        if let Some(simplified) = simplify(&mut mesh, most).map_err(ExtractError::Limit)? {
             details.simplification_error = Some(simplified.error);
             details.components = simplified.pieces.kept;
             details.small += simplified.pieces.dropped_faces;
@@ -196,25 +231,16 @@ pub fn collision(
     if found.is_some() {
         return Ok(Outcome::Skipped("there is something to collide with already"));
     }
+    options.validate()?;
     let how = SurfaceOptions {
         max_triangles: Some(options.collision_triangles),
         ..SurfaceOptions::DEFAULT
     }
     .for_scene(scene.scene.triangle_count());
-    *found = surface(scene, cameras, &how, &Limits::DEFAULT, &mut details.surface, progress)
-        .map_err(in_our_words)?;
+    *found = extract(scene, cameras, None, &how, &Limits::DEFAULT, &mut details.surface, progress)
+        .map_err(|error| error.of_option("collision_triangles"))?;
     Ok(match found {
         Some(_) => Outcome::Changed(()),
         None => Outcome::Skipped("the cameras see no connected surface"),
     })
-}
-
-/// Names the option as this stage does.
-fn in_our_words(error: Error) -> Error {
-    match error {
-        Error::Invalid { option, value, wants } if option == "max_triangles" => {
-            Error::Invalid { option: "collision_triangles".into(), value, wants }
-        }
-        error => error,
-    }
 }

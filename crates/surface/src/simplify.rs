@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use std::collections::HashSet;
 use trisplat_scene::math::color::srgb_from_linear;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{Error, Result, parallel};
+use trisplat_scene::{Error, parallel};
 
 /// Weight of a colour change: one from black to white counts as a move by this share of the
 /// mesh's size.
@@ -36,13 +36,33 @@ pub(super) struct Simplified {
     pub(super) pieces: Components,
 }
 
+/// A triangle limit below the fewest triangles that still show the surface.
+#[derive(Debug)]
+pub(super) struct TooFewTriangles {
+    limit: usize,
+    fewest: usize,
+}
+
+impl TooFewTriangles {
+    /// The error of the `option` that sets the limit.
+    pub(super) fn of_option(self, option: &str) -> Error {
+        let Self { limit, fewest } = self;
+        let wants =
+            format!("more: of this surface {fewest} triangles are left, and with fewer nothing");
+        Error::invalid(option, limit, wants)
+    }
+}
+
 /// Simplifies an indexed mesh with colours per vertex to at most `most` faces; `None` when it had
 /// no more already.
 ///
 /// # Errors
 ///
 /// A surface that so few triangles cannot show.
-pub(super) fn simplify(mesh: &mut Mesh, most: usize) -> Result<Option<Simplified>> {
+pub(super) fn simplify(
+    mesh: &mut Mesh,
+    most: usize,
+) -> Result<Option<Simplified>, TooFewTriangles> {
     if mesh.face_count() <= most {
         return Ok(None);
     }
@@ -73,9 +93,7 @@ pub(super) fn simplify(mesh: &mut Mesh, most: usize) -> Result<Option<Simplified
     if check(mesh, most) {
         Ok(Some(Simplified { error, pieces }))
     } else {
-        let wants =
-            format!("more: of this surface {fewest} triangles are left, and with fewer nothing");
-        Err(Error::invalid("max_triangles", most, wants))
+        Err(TooFewTriangles { limit: most, fewest })
     }
 }
 
@@ -354,9 +372,11 @@ mod tests {
         }
     }
 
-    fn simplified(mesh: &Mesh, most: usize) -> Result<Mesh> {
+    fn simplified(mesh: &Mesh, most: usize) -> Result<Mesh, Error> {
         let mut mesh = mesh.clone();
-        let details = simplify(&mut mesh, most)?.expect("there is something to do");
+        let details = simplify(&mut mesh, most)
+            .map_err(|error| error.of_option("max_triangles"))?
+            .expect("there is something to do");
         assert!(details.error.is_finite() && check(&mesh, most), "{most}: {details:?}");
         Ok(mesh)
     }
