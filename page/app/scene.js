@@ -3,6 +3,7 @@ import { BoxGeometry, EdgesGeometry, Group, LineBasicMaterial, LineSegments, Mat
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { Controls } from '../src/controls.js';
 import { Renderer } from '../src/renderer.js';
+import { TrisplatSh } from '../src/sh.js';
 import { boundsOf, first, initial } from '../src/view.js';
 
 /** Samples per pixel along each axis, once nothing moves. */
@@ -46,7 +47,7 @@ export class Shown {
 
   /** Shows a GLB as `side`. The first one decides the viewpoint and the unit. */
   async show(side, bytes, { keepView = false } = {}) {
-    const { scene, asset } = await new GLTFLoader().parseAsync(bytes.buffer, '');
+    const { scene, asset } = await new GLTFLoader().register((parser) => new TrisplatSh(parser)).parseAsync(bytes.buffer, '');
     this.remove(side);
     scene.updateMatrixWorld(true);
     this.#sides[side] = scene;

@@ -2,6 +2,7 @@
 import { EquirectangularReflectionMapping, Mesh, SRGBColorSpace, TextureLoader } from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js';
+import { TrisplatSh } from './sh.js';
 
 const HEADER_BYTES = 12;
 const FRAME_MS = 30;
@@ -32,7 +33,7 @@ export class SceneFile {
       throw new Error(`this page is cut short: it holds ${this.#end} of ${bytes?.length ?? 'its'} bytes of the scene`);
     }
     await MeshoptDecoder.ready;
-    const loader = new GLTFLoader();
+    const loader = new GLTFLoader().register((parser) => new TrisplatSh(parser));
     loader.setMeshoptDecoder(this.#decoder(packedBytes(bytes)));
     const { scene, asset } = await loader.parseAsync(bytes.buffer, '');
     scene.updateMatrixWorld(true);

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! background → crop → teacher → arrange → collision → prune → solid → color → unseen → exposure → reshape → sides → backdrop → refit
-//! → texture → lit → weld → place → viewpoint → chunk → order → lod → tiles
+//! → sh → texture → lit → weld → place → viewpoint → chunk → order → lod → tiles
 //! ```
 //!
 //! Each stage is a file with its options, its function and its measurements ([`StageDetails`]); it
@@ -38,6 +38,7 @@ mod recipe;
 pub mod refit;
 mod reshape;
 mod run;
+mod sh;
 mod sides;
 mod solid;
 mod surroundings;
@@ -68,6 +69,7 @@ pub use prune::{PruneDetails, PruneOptions, REACH, prune};
 pub use recipe::BakeOutcome;
 pub use reshape::{ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, reshape};
 pub use run::{Bake, bake};
+pub use sh::{ShDegree, ShDetails, ShOptions, sh};
 pub use sides::{Sides, SidesDetails, SidesOptions, sides};
 pub use solid::{
     ColorDetails, SOLID_SIGMA, SolidDetails, SolidOptions, Solidify, area_factor, color,

@@ -7,6 +7,7 @@
 use crate::texture::texture_all;
 use glam::{DVec3, Vec3};
 use trisplat_formats::is_far;
+use trisplat_raster::kernel::sh::ShRotation;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{
     Error, ImportedScene, Placement, Provenance, Result, Scene, UpDirection, frames,
@@ -211,6 +212,7 @@ pub(super) fn rebase(loaded: &mut ImportedScene, frame: &Placement) {
             for normal in &mut mesh.normals {
                 *normal = (rotation * normal.as_dvec3()).as_vec3();
             }
+            ShRotation::turn(mesh, rotation);
         }
     }
     let to_file = |camera| frames::to_file(camera, &moved, DVec3::ZERO);

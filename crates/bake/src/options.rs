@@ -11,6 +11,7 @@ use super::place::PlaceOptions;
 use super::prune::PruneOptions;
 use super::refit::RefitOptions;
 use super::reshape::ReshapeOptions;
+use super::sh::ShOptions;
 use super::sides::{Sides, SidesOptions};
 use super::solid::SolidOptions;
 use super::surroundings::{BackdropOptions, BackdropWhen};
@@ -96,6 +97,9 @@ pub struct BakeOptions {
     /// Colours from the photos.
     #[cfg_attr(feature = "cli", arg(skip = RefitOptions::DEFAULT))]
     pub refit: RefitOptions,
+    /// Colours that depend on the direction.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub sh: ShOptions,
     /// Texture.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub texture: TextureOptions,
@@ -138,6 +142,7 @@ impl BakeOptions {
         tiles: TilesOptions::DEFAULT,
         backdrop: BackdropOptions::DEFAULT,
         refit: RefitOptions::DEFAULT,
+        sh: ShOptions::DEFAULT,
         texture: TextureOptions::DEFAULT,
         lit: LitOptions::DEFAULT,
         weld: WeldOptions::DEFAULT,

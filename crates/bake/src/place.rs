@@ -9,6 +9,7 @@ use ground::Foreground;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_raster::framing::{ViewpointInput, viewpoint};
+use trisplat_raster::kernel::sh::ShRotation;
 use trisplat_scene::camera::{Camera, Viewpoint};
 use trisplat_scene::math::geometry::{bounds, central};
 use trisplat_scene::math::lists::all_finite;
@@ -190,6 +191,7 @@ pub fn place(
     for normal in &mut mesh.normals {
         *normal = (rotation * normal.as_dvec3()).as_vec3();
     }
+    ShRotation::turn(mesh, rotation);
     if !all_finite(bytemuck::cast_slice(&mesh.positions)) {
         Err(Error::invalid("scale", placement.scale, "a factor that keeps every position finite"))
     } else {

@@ -98,6 +98,7 @@ impl<'a> Recipe<'a> {
 
         // Colours.
         let (mesh, unseen_colors) = self.refit(mesh, scene_faces, pictures.any())?;
+        let mesh = self.sh(mesh, scene_faces, pictures.any())?;
         level_plan.keep_backdrop(&mesh, scene_faces);
         provenance.backdrop_faces = (mesh.face_count() - scene_faces) as u32;
         let mesh = self.texture(mesh, unseen_colors, pictures.any())?;

@@ -28,8 +28,9 @@
 //! The backdrop is a surface of its own, whose colours are solved together: see `shell_colors.rs`.
 
 use crate::views::Views;
-use equations::ColorFit;
+pub(crate) use equations::{ColorFit, Equations};
 use photo_equations::Accumulator;
+pub(crate) use photo_equations::{Gatherer, HALF_COUPLED, PhotoObservation};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 pub(super) use shell_colors::smooth_shell;

@@ -61,6 +61,9 @@ pub fn weld(
     if mesh.texture.is_some() {
         return Ok(Outcome::Skipped("corners show different parts of the texture"));
     }
+    if mesh.sh.is_some() {
+        return Ok(Outcome::Skipped("each triangle has harmonics of its own"));
+    }
     if !mesh.indices.is_empty() {
         if matches!(mesh.colors, Colors::Vertex(_)) {
             return Ok(Outcome::Skipped("faces share their vertices already"));

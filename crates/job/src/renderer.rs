@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use trisplat_bake::{BakeOptions, TeacherOptions, bake};
 use trisplat_dataset::Dataset;
 use trisplat_raster::gaussian::{self, GaussianOptions};
+use trisplat_raster::kernel::sh::ShRotation;
 use trisplat_raster::soft::{Frame, SoftOptions, SoftRasterizer, SoupRef};
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::camera::Camera;
@@ -165,6 +166,7 @@ impl SceneRenderer {
         let space = match dataset {
             Some(dataset) => {
                 move_points(&mut mesh.positions, placement, dataset);
+                ShRotation::turn(&mut mesh, placement.rotation().transpose());
                 space_of(dataset)
             }
             None => space_around(&mesh.positions),

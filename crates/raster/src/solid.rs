@@ -16,6 +16,7 @@
 //! * Samples lie at the centres of a regular grid of N x N per pixel.
 //! * The nearest face wins: greatest 1/z, which is affine on the screen; ties go to the lower face
 //!   index. This does not depend on the order of drawing, hence not on the number of threads.
+//! * Corners with spherical harmonics have the colour that the camera sees there: `view_colors.rs`.
 //! * Colours are interpolated perspective-correctly in linear light, averaged over a pixel's
 //!   samples in linear light, then sRGB-encoded and rounded.
 
@@ -23,8 +24,10 @@ mod bin;
 mod fill;
 mod projector;
 mod shade;
+mod view_colors;
 mod visibility;
 
+pub use view_colors::{direction_basis, view_colors};
 pub use visibility::{Barycentrics, FaceBarycentrics, NO_FACE, Nearest, PlaneTile, Visibility};
 
 use bin::{
@@ -116,12 +119,15 @@ impl SolidRasterizer {
         let tiles =
             split_tiles(&mut rgb, size.x as usize, TILE_WIDTH / samples, TILE_HEIGHT / samples);
         let background = options.background.map(linear_from_srgb);
+        let seen = view_colors(mesh, camera.position());
+        let colors = seen.as_ref().unwrap_or(&mesh.colors);
         BinnedFaces::new(self, mesh, projector, (1, None)).for_each_tile(
             tiles,
             |place, keys, mut rows| {
                 let corner = [place.x * TILE_WIDTH as u32, place.y * TILE_HEIGHT as u32];
                 dispatch(ShadeTile {
                     mesh,
+                    colors,
                     projector,
                     background,
                     corner,

@@ -9,6 +9,7 @@ pub mod atomic;
 mod bounds;
 pub mod camera;
 mod error;
+mod face_sh;
 mod floaters;
 pub mod frames;
 pub mod image;
@@ -37,6 +38,7 @@ pub use asset::{
 };
 pub use bounds::Bounds;
 pub use error::{Error, Result, cut, excerpt};
+pub use face_sh::{FaceSh, MAX_SH_DEGREE, MAX_SH_PICTURE_SIDE};
 pub use floaters::Floaters;
 pub use imported_splats::ImportedSplats;
 pub use limits::{Budget, BudgetClock, Limits, Seconds, Spending};

@@ -1,6 +1,7 @@
 //! A mesh for engines: positions, linear colours, maybe indices.
 
 use crate::error::{Error, Result};
+use crate::face_sh::FaceSh;
 use crate::math::lists::{all_finite, all_in_unit, median};
 use crate::parallel::{self, GRAIN};
 use crate::report::Counts;
@@ -47,6 +48,8 @@ pub struct Mesh {
     pub single_sided: Vec<bool>,
     /// The texture, which replaces the faces' colours; these are its means. Most meshes have none.
     pub texture: Option<FaceTexture>,
+    /// View-dependent colours, of a mesh without indices. Most meshes have none.
+    pub sh: Option<FaceSh>,
 }
 
 impl Default for Mesh {
@@ -60,6 +63,7 @@ impl Default for Mesh {
             shell: Vec::new(),
             single_sided: Vec::new(),
             texture: None,
+            sh: None,
         }
     }
 }
@@ -219,6 +223,9 @@ impl Mesh {
         if let Some(texture) = &mut self.texture {
             *texture = texture.of_faces(faces);
         }
+        if let Some(sh) = &mut self.sh {
+            *sh = sh.of_faces(faces);
+        }
     }
 
     /// Puts faces of one material next to each other, in their order.
@@ -264,8 +271,9 @@ impl Mesh {
             Colors::Vertex(colors) => Colors::Vertex(gather(colors, &vertices)),
         };
         let texture = self.texture.as_ref().map(|texture| texture.of_faces(faces));
+        let sh = self.sh.as_ref().map(|sh| sh.of_faces(faces));
         let positions = gather(&self.positions, &vertices);
-        Mesh { positions, colors, indices, opacity, normals, shell, single_sided, texture }
+        Mesh { positions, colors, indices, opacity, normals, shell, single_sided, texture, sh }
     }
 
     /// Keeps `faces`, given in any order, in the mesh's order, and drops unused vertices.
@@ -319,6 +327,10 @@ impl Mesh {
     ///
     /// More vertices than 32 bits count.
     pub fn append(&mut self, mut other: Mesh) -> Result<()> {
+        if self.sh.is_some() || other.sh.is_some() {
+            *self = std::mem::take(self).unshared();
+            other = other.unshared();
+        }
         if !self.opacity.is_empty() || !other.opacity.is_empty() {
             self.opacity.resize(self.face_count(), 1.0);
             other.opacity.resize(other.face_count(), 1.0);
@@ -349,6 +361,10 @@ impl Mesh {
                 other.drop_texture();
             }
         }
+        self.sh = FaceSh::joined(
+            (self.sh.take(), self.face_count()),
+            (other.sh.as_ref(), other.face_count()),
+        );
         if matches!(self.colors, Colors::Vertex(_)) || matches!(other.colors, Colors::Vertex(_)) {
             self.make_vertex_colors();
             other.make_vertex_colors();
@@ -470,11 +486,16 @@ impl Mesh {
         if colors.len() != wants {
             return shape("mesh color count", colors.len(), format!("{wants}"));
         }
+        if self.sh.is_some() && !self.indices.is_empty() {
+            let wants = "a mesh without indices".to_owned();
+            return shape("spherical harmonics", self.face_count(), wants);
+        }
         let per_face = [
             ("opacity", self.opacity.len()),
             ("normal", self.normals.len()),
             ("shell flag", self.shell.len()),
             ("side flag", self.single_sided.len()),
+            ("sh", self.sh.as_ref().map_or(0, FaceSh::face_count)),
         ];
         for (what, got) in per_face {
             if got != 0 && got != f {

@@ -2,6 +2,7 @@
 
 use super::Recipe;
 use crate::refit::{UnseenColors, refit};
+use crate::sh::sh;
 use crate::texture::texture;
 use crate::views::Views;
 use trisplat_scene::Result;
@@ -24,6 +25,24 @@ impl Recipe<'_> {
             Ok(refitted.outcome)
         })?;
         Ok((mesh, unseen_colors))
+    }
+
+    /// On fitted colours, beside which harmonics show what the direction changes. Faces from
+    /// `scene_faces` on are the backdrop.
+    pub(super) fn sh(
+        &mut self,
+        mesh: Mesh,
+        scene_faces: usize,
+        views: Option<&mut Views>,
+    ) -> Result<Mesh> {
+        let options = &self.options.sh;
+        let (mesh, _) = self.report.long_stage(
+            self.observer,
+            mesh,
+            Mesh::counts,
+            |mesh, details, progress| sh(mesh, scene_faces, views, options, details, progress),
+        )?;
+        Ok(mesh)
     }
 
     /// On fitted colours: texels store differences from them.

@@ -112,6 +112,7 @@ impl Recipe<'_> {
             level.append(backdrop.clone())?;
         }
         let (level, unseen_colors) = self.refit(level, faces, views.as_deref_mut())?;
+        let level = self.sh(level, faces, views.as_deref_mut())?;
         let mut level = self.texture(level, unseen_colors, views.as_deref_mut())?;
         if let (Some(halvings), Some(texture)) = (halvings, &mut level.texture) {
             *texture = texture.excerpt(halvings, self.options.texture.texture_size);

@@ -21,7 +21,7 @@ const TASK_FACES: usize = 1 << 12;
 
 /// The normal equations of one triangle, summed over samples of photos.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Equations {
+pub(crate) struct Equations {
     /// Σ b_i b_j over samples, px: 00 01 02 11 12 22.
     matrix: [f32; 6],
     /// Σ b_k times the residual of the sample. `[corner][channel]`
@@ -34,7 +34,7 @@ impl Equations {
     /// Adds a sample with the weight `share` of a pixel; `beyond` is the part of its residual that
     /// is left out.
     #[inline(always)]
-    pub(super) fn add(
+    pub(crate) fn add(
         &mut self,
         weights: &[f32; 3],
         residual: &[f32; 3],
@@ -68,12 +68,12 @@ impl Equations {
     }
 
     /// Σ b_i b_j over samples, px: 00 01 02 11 12 22.
-    pub(super) fn matrix(&self) -> [f32; 6] {
+    pub(crate) fn matrix(&self) -> [f32; 6] {
         self.matrix
     }
 
     /// Σ b_k times the residual of the sample. `[corner][channel]`
-    pub(super) fn right(&self) -> &[[f32; 3]; 3] {
+    pub(crate) fn right(&self) -> &[[f32; 3]; 3] {
         &self.right
     }
 
@@ -152,7 +152,7 @@ impl Equations {
 
 /// All systems and the colours they start from.
 #[derive(Debug, Clone)]
-pub(super) struct ColorFit {
+pub(crate) struct ColorFit {
     sums: Vec<Equations>,
     /// λ, px.
     flatness: f32,
@@ -164,7 +164,7 @@ pub(super) struct ColorFit {
 
 impl ColorFit {
     /// Empty sums. `flatness` is λ, px.
-    pub(super) fn new(mesh: &Mesh, flatness: f32) -> Self {
+    pub(crate) fn new(mesh: &Mesh, flatness: f32) -> Self {
         let encode = |f: usize| mesh.corner_colors(f).map(|corner| corner.map(srgb_from_linear));
         let encoded: Vec<[[f32; 3]; 3]> = parallel::collect(mesh.face_count(), GRAIN, encode);
         Self {

@@ -21,16 +21,18 @@ const MAX_SAMPLES: usize = 16;
 const NO_SLOT: u32 = u32::MAX;
 
 /// A photo, and the scene rasterised from its camera.
-pub(super) struct PhotoObservation<'a> {
-    pub(super) mesh: &'a Mesh,
-    pub(super) camera: &'a Camera,
-    pub(super) photo: &'a RgbImage,
-    pub(super) visibility: &'a Visibility,
+pub(crate) struct PhotoObservation<'a> {
+    pub(crate) mesh: &'a Mesh,
+    pub(crate) camera: &'a Camera,
+    pub(crate) photo: &'a RgbImage,
+    pub(crate) visibility: &'a Visibility,
     /// sRGB-encoded.
-    pub(super) background: [f32; 3],
+    pub(crate) background: [f32; 3],
     /// The share of a sample's residual that comes from its whole pixel; the rest comes from its
     /// own colour.
-    pub(super) coupling: f32,
+    pub(crate) coupling: f32,
+    /// Larger residuals count as this, sRGB-encoded.
+    pub(crate) max_residual: f32,
 }
 
 /// Equations of one band, kept from photo to photo.
@@ -46,13 +48,13 @@ struct Band {
 
 /// The buffers of [`Gatherer::gather`], reused from photo to photo.
 #[derive(Debug, Clone)]
-pub(super) struct Gatherer {
+pub(crate) struct Gatherer {
     bands: Vec<Band>,
 }
 
 impl Gatherer {
     /// For meshes of `faces`.
-    pub(super) fn new(faces: usize) -> Self {
+    pub(crate) fn new(faces: usize) -> Self {
         let slots = vec![NO_SLOT; faces];
         let band =
             Band { slots, sums: Vec::new(), corners: Vec::new(), error: [0.0; 3], pixels: 0.0 };
@@ -67,22 +69,7 @@ impl Gatherer {
         fit: &mut ColorFit,
         sign: f32,
     ) -> [f32; 3] {
-        let rows = observation.photo.size.y;
-        let row = |band: usize| (u64::from(rows) * band as u64 / BANDS as u64) as u32;
-        let seen: &ColorFit = fit;
-        parallel::for_each(&mut self.bands, |i, band| {
-            band.sums.clear();
-            band.corners.clear();
-            band.error = [0.0; 3];
-            band.pixels = 0.0;
-            let mut pass = PhotoPass::new(observation, seen, band);
-            for y in row(i)..row(i + 1) {
-                pass.row(y);
-            }
-            for (face, _) in &band.sums {
-                band.slots[*face as usize] = NO_SLOT;
-            }
-        });
+        self.sum(observation, fit);
         let mut error = [0.0; 3];
         let mut pixels = 0.0;
         for band in &self.bands {
@@ -93,6 +80,39 @@ impl Gatherer {
             pixels += band.pixels;
         }
         error.map(|e| (e / f64::max(pixels, 1.0)) as f32)
+    }
+
+    /// Gives `on_sums` the sums of each face that a photo shows, whose colours are those of `fit`. A
+    /// face at the border of two bands of rows has sums of each.
+    pub(crate) fn for_each_face(
+        &mut self,
+        observation: &PhotoObservation<'_>,
+        fit: &ColorFit,
+        mut on_sums: impl FnMut(u32, &Equations),
+    ) {
+        self.sum(observation, fit);
+        for (face, sums) in self.bands.iter().flat_map(|band| &band.sums) {
+            on_sums(*face, sums);
+        }
+    }
+
+    /// Sums up the rows of a photo, band by band.
+    fn sum(&mut self, observation: &PhotoObservation<'_>, fit: &ColorFit) {
+        let rows = observation.photo.size.y;
+        let row = |band: usize| (u64::from(rows) * band as u64 / BANDS as u64) as u32;
+        parallel::for_each(&mut self.bands, |i, band| {
+            band.sums.clear();
+            band.corners.clear();
+            band.error = [0.0; 3];
+            band.pixels = 0.0;
+            let mut pass = PhotoPass::new(observation, fit, band);
+            for y in row(i)..row(i + 1) {
+                pass.row(y);
+            }
+            for (face, _) in &band.sums {
+                band.slots[*face as usize] = NO_SLOT;
+            }
+        });
     }
 }
 
@@ -193,7 +213,7 @@ impl<'a> PhotoPass<'a> {
             colors.iter().zip(seen).filter(|(_, (slot, _))| *slot != NO_SLOT)
         {
             let own = if seen.len() > 1 { residual(photo, *color) } else { of_pixel };
-            let (residual, beyond) = coupled(of_pixel, own, self.observation.coupling);
+            let (residual, beyond) = coupled(of_pixel, own, self.observation);
             self.band.sums[*slot as usize].1.add(weights, &residual, &beyond, share);
         }
     }
@@ -225,8 +245,14 @@ fn residual(photo: [u8; 3], linear: [f32; 3]) -> [f32; 3] {
 /// The residual for a sample: a mix of those of its pixel and of its own colour, each bounded; and
 /// what the bounds leave out.
 #[inline(always)]
-fn coupled(pixel: [f32; 3], own: [f32; 3], coupling: f32) -> ([f32; 3], [f32; 3]) {
-    let bounded = |error: f32| error.clamp(-MAX_RESIDUAL, MAX_RESIDUAL);
+fn coupled(
+    pixel: [f32; 3],
+    own: [f32; 3],
+    observation: &PhotoObservation<'_>,
+) -> ([f32; 3], [f32; 3]) {
+    let most = observation.max_residual;
+    let coupling = observation.coupling;
+    let bounded = |error: f32| error.clamp(-most, most);
     let mut residual = [0.0; 3];
     let mut beyond = [0.0; 3];
     for c in 0..3 {
@@ -241,7 +267,7 @@ fn coupled(pixel: [f32; 3], own: [f32; 3], coupling: f32) -> ([f32; 3], [f32; 3]
 /// Number of photos at which the first pass is half coupled. Coupled neighbours share the residual
 /// of their pixel. With many photos this is sharper. With few photos one triangle corrects the
 /// error of another, which looks wrong from other places.
-const HALF_COUPLED: f32 = 40.0;
+pub(crate) const HALF_COUPLED: f32 = 40.0;
 
 /// Renders the scene from each photo's camera, and adds the photo's pixels to the normal equations.
 pub(super) struct Accumulator {
@@ -292,6 +318,7 @@ impl Accumulator {
                 visibility,
                 background,
                 coupling: self.coupling,
+                max_residual: MAX_RESIDUAL,
             };
             self.errors[view] = self.gatherer.gather(&seen, &mut self.fit, sign);
         }

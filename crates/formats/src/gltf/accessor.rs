@@ -6,6 +6,7 @@ use super::document::{
 };
 use super::material::{GltfTextureInfo, Sampler};
 use super::meshopt::{self, CompressedView};
+use super::sh::{self, ShExtras};
 use glam::Vec2;
 use gltf_json::accessor::ComponentType;
 use gltf_json::buffer::MAX_BYTE_STRIDE;
@@ -15,7 +16,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use trisplat_scene::atlas::{self, PaintedFaces};
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::{Error, Limits, Result, Texture};
+use trisplat_scene::{Error, FaceSh, Limits, Result, Texture};
 
 /// Maximum number of decompressed views kept for the next accessor: positions, colours and indices
 /// of a mesh.
@@ -422,6 +423,36 @@ pub(crate) fn paint(
     }
     warnings.extend(atlas::paint(mesh, painted, &textures));
     warnings
+}
+
+/// The spherical harmonics of the faces of a primitive, at the texels of their first corners, or why
+/// there are none. `corner` maps a corner to its vertex in the primitive.
+pub(crate) fn harmonics(
+    document: &GltfDocument,
+    accessors: &mut Accessors,
+    (extras, info): (&ShExtras, &GltfTextureInfo),
+    attributes: &Attributes,
+    faces: usize,
+    corner: impl Fn(usize) -> usize,
+    limits: &Limits,
+) -> Result<Result<FaceSh, String>> {
+    let painted = match painted_faces(document, accessors, info, attributes, 0..faces, corner)? {
+        Ok(painted) => painted,
+        Err(why) => return Ok(Err(why)),
+    };
+    let texture = match read(document, accessors, painted.image, limits) {
+        Ok(texture) => texture,
+        Err(e) => return Ok(Err(e.to_string())),
+    };
+    accessors.buffers.spend(12 * (faces as u64) * u64::from(extras.degree + 1).pow(2))?;
+    let mut coefficients = Vec::new();
+    for [first, ..] in &painted.uvs {
+        let found = sh::coefficients(extras, texture.picture(), *first, &mut coefficients);
+        if found.is_none() {
+            return Ok(Err("a triangle has no texels".to_owned()));
+        }
+    }
+    Ok(FaceSh::new(extras.degree, coefficients).map_err(|e| e.to_string()))
 }
 
 /// The texture of a picture in a buffer or beside the file.

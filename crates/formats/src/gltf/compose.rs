@@ -7,13 +7,14 @@ use super::encode::{self, GltfContent};
 use super::meshopt::{CompressedView, MESHOPT};
 use super::options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
 use super::part::{BACKDROP, FRONT, PartKind, ScenePart, Stream, all_streams};
+use super::sh;
 use glam::{DVec3, Mat3, Quat, UVec2};
 use gltf_json::accessor::{ComponentType, GenericComponentType};
 use gltf_json::buffer::{Stride, Target, View};
 use gltf_json::camera::{Camera, Perspective, Type as CameraType};
 use gltf_json::extensions::material::Unlit;
 use gltf_json::image::MimeType;
-use gltf_json::material::{PbrMetallicRoughness, StrengthFactor};
+use gltf_json::material::{OcclusionTexture, PbrMetallicRoughness, StrengthFactor};
 use gltf_json::mesh::{Mode, Primitive, Semantic};
 use gltf_json::scene::UnitQuaternion;
 use gltf_json::texture::{Info, MagFilter, MinFilter, Sampler, Texture, WrappingMode};
@@ -25,6 +26,7 @@ use gltf_json::{
 use serde::{Deserialize, Serialize};
 use serde_json::value::{RawValue, to_raw_value};
 use serde_json::{Map, Result};
+use std::collections::BTreeMap;
 use trisplat_scene::camera::Viewpoint;
 use trisplat_scene::math::geometry::bounds;
 use trisplat_scene::{Provenance, UpAxis};
@@ -53,12 +55,12 @@ fn root(content: &GltfContent, bin_name: Option<&str>) -> Result<Root> {
     let pictures = content.pictures.iter();
     buffer_views.extend(pictures.map(|picture| view(0, picture.start, picture.bytes.len() as u64)));
     let pages = 0..content.pictures.len();
-    let images =
-        pages.clone().map(|page| image(index(streams + page), page, options.texture)).collect();
-    let textures = pages.clone().map(texture).collect();
-    let samplers = pages.take(1).map(|_| sampler()).collect();
+    let images = pages.clone().map(|page| image(index(streams + page), page, content)).collect();
+    let textures = pages.clone().map(|page| texture(page, content)).collect();
+    let samplers = pages.take(1).map(|_| sampler(content)).collect();
     let part_materials = part_materials(parts);
-    let materials: Vec<Material> = part_materials.iter().map(|of| material(content, of)).collect();
+    let materials =
+        part_materials.iter().map(|of| material(content, of)).collect::<Result<Vec<_>>>()?;
     let unlit = materials.iter().any(|material| material.extensions.is_some());
     let camera = stored_viewpoint(content);
     let camera_node = camera.map(viewpoint_node);
@@ -151,7 +153,7 @@ fn part_materials(parts: &[ScenePart]) -> Vec<PartMaterial> {
 }
 
 /// The material of some parts.
-fn material(content: &GltfContent, of: &PartMaterial) -> Material {
+fn material(content: &GltfContent, of: &PartMaterial) -> Result<Material> {
     let name = &content.options.material_name;
     // Godot takes the end of a material's name as a hint.
     let (plain, hint) = name.split_at(name.rfind('-').unwrap_or(name.len()));
@@ -166,14 +168,15 @@ fn material(content: &GltfContent, of: &PartMaterial) -> Material {
     let number = if page == 0 { String::new() } else { format!("_{page}") };
     // Surfaces far behind a scene have their own light.
     let lit = !of.is_backdrop && content.parts.iter().any(|part| part.lit);
-    Material {
+    let sh = content.sh.as_ref().filter(|_| !of.is_backdrop);
+    Ok(Material {
         name: Some(format!("{plain}{number}{hint}")),
         double_sided: !of.single_sided,
         // As matt as possible, also for viewers that do not know unlit.
         pbr_metallic_roughness: PbrMetallicRoughness {
             metallic_factor: StrengthFactor(0.0),
             roughness_factor: StrengthFactor(1.0),
-            base_color_texture: (!content.pictures.is_empty()).then(|| Info {
+            base_color_texture: content.asset.mesh.texture.as_ref().map(|_| Info {
                 index: index(page),
                 tex_coord: 0,
                 extensions: None,
@@ -181,12 +184,20 @@ fn material(content: &GltfContent, of: &PartMaterial) -> Material {
             }),
             ..PbrMetallicRoughness::default()
         },
+        occlusion_texture: sh.map(|_| OcclusionTexture {
+            index: index(0),
+            tex_coord: 0,
+            strength: StrengthFactor(0.0),
+            extensions: None,
+            extras: None,
+        }),
+        extras: sh.map(|sh| to_raw_value(&BTreeMap::from([(sh::KEY, sh)]))).transpose()?,
         extensions: (!lit).then(|| extensions::material::Material {
             unlit: Some(Unlit {}),
             ..extensions::material::Material::default()
         }),
         ..Material::default()
-    }
+    })
 }
 
 /// A view of a range of bytes of a buffer.
@@ -204,22 +215,27 @@ fn view(buffer: usize, start: u64, length: u64) -> View {
 }
 
 /// The picture of a page, in a view.
-fn image(view: Index<View>, page: usize, format: TextureFormat) -> Image {
+fn image(view: Index<View>, page: usize, content: &GltfContent) -> Image {
+    let format = content.sh.as_ref().map_or(content.options.texture, |_| TextureFormat::Png);
     Image {
         buffer_view: Some(view),
         mime_type: Some(MimeType(format.media_type().to_owned())),
-        name: Some(page_name(page)),
+        name: Some(page_name(page, content)),
         uri: None,
         extensions: None,
         extras: None,
     }
 }
 
-/// The sampler of all textures: with mip levels and without repetition.
-fn sampler() -> Sampler {
+/// The sampler of all textures: without repetition; with mip levels, unless texels are numbers.
+fn sampler(content: &GltfContent) -> Sampler {
+    let (mag_filter, min_filter) = match content.sh {
+        Some(_) => (MagFilter::Nearest, MinFilter::Nearest),
+        None => (MagFilter::Linear, MinFilter::LinearMipmapLinear),
+    };
     Sampler {
-        mag_filter: Some(Valid(MagFilter::Linear)),
-        min_filter: Some(Valid(MinFilter::LinearMipmapLinear)),
+        mag_filter: Some(Valid(mag_filter)),
+        min_filter: Some(Valid(min_filter)),
         wrap_s: Valid(WrappingMode::ClampToEdge),
         wrap_t: Valid(WrappingMode::ClampToEdge),
         ..Sampler::default()
@@ -227,9 +243,9 @@ fn sampler() -> Sampler {
 }
 
 /// The texture of a page.
-fn texture(page: usize) -> Texture {
+fn texture(page: usize, content: &GltfContent) -> Texture {
     Texture {
-        name: Some(page_name(page)),
+        name: Some(page_name(page, content)),
         sampler: Some(index(0)),
         source: index(page),
         extensions: None,
@@ -238,7 +254,10 @@ fn texture(page: usize) -> Texture {
 }
 
 /// Name of the texture of a page and of its picture.
-fn page_name(page: usize) -> String {
+fn page_name(page: usize, content: &GltfContent) -> String {
+    if content.sh.is_some() {
+        return "sh".to_owned();
+    }
     if page == 0 { "texture".to_owned() } else { format!("texture_{page}") }
 }
 

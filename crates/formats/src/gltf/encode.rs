@@ -4,6 +4,7 @@
 use super::container::{stream_offsets, write_padding};
 use super::options::{ColorEncoding, GltfOptions};
 use super::part::{PartVertices, ScenePart, Stream, all_streams, parts};
+use super::sh::{ShExtras, StoredSh};
 use crate::finish::is_far;
 use glam::{DVec3, Vec2, Vec3};
 use serde::Serialize;
@@ -116,14 +117,17 @@ fn fill_normals<const N: usize>(
 
 /// Coordinates in [0, 1] as 16-bit numbers; three per face without shared vertices.
 fn fill_tex_coords(out: &mut [u8], part: &ScenePart, range: Range<usize>) {
-    let Some(texture) = &part.mesh.texture else { return };
     let code = |uv: Vec2| -> [u8; 4] {
         bytes_of(uv.to_array().map(|x| (nearest(x.clamp(0.0, 1.0), 65535.0) as u16).to_le_bytes()))
     };
+    let faces = part.faces.start + range.start / 3..part.faces.start + range.end / 3;
+    if let Some(layout) = part.sh {
+        return cells(out, faces.flat_map(|face| [layout.coordinates(face); 3]), code);
+    }
+    let Some(texture) = &part.mesh.texture else { return };
     if part.indexed {
         return vertices(out, &part.vertex_uvs, part, range, code);
     }
-    let faces = part.faces.start + range.start / 3..part.faces.start + range.end / 3;
     cells(out, texture.uvs[faces].as_flattened().iter().copied(), code);
 }
 
@@ -295,6 +299,8 @@ pub(crate) struct GltfContent<'a> {
     pub(crate) bin_bytes: u64,
     /// The pages of the texture, behind the streams, when there is one.
     pub(crate) pictures: Vec<EmbeddedPicture>,
+    /// How to read the only picture, if it holds spherical harmonics.
+    pub(crate) sh: Option<ShExtras>,
 }
 
 /// A picture in the file's buffer.
@@ -305,7 +311,8 @@ pub(crate) struct EmbeddedPicture {
 
 impl<'a> GltfContent<'a> {
     pub(crate) fn new(path: &Path, asset: &'a Asset, options: &'a GltfOptions) -> Result<Self> {
-        let parts = parts(path, asset, options)?;
+        let sh = StoredSh::of(asset)?;
+        let parts = parts(path, asset, sh.as_ref().map(|sh| sh.layout), options)?;
         let compressed = if options.meshopt {
             Some(compress(&parts, options).map_err(|e| Error::unsupported(path, e))?)
         } else {
@@ -324,7 +331,17 @@ impl<'a> GltfContent<'a> {
             bin_bytes = start + bytes.len() as u64;
             pictures.push(EmbeddedPicture { start, bytes });
         }
-        Ok(Self { asset, options, parts, compressed, starts, bin_bytes, pictures })
+        let sh = match sh {
+            Some(StoredSh { extras, picture, .. }) => {
+                let bytes = picture.to_png()?;
+                let start = bin_bytes.next_multiple_of(4);
+                bin_bytes = start + bytes.len() as u64;
+                pictures.push(EmbeddedPicture { start, bytes });
+                Some(extras)
+            }
+            None => None,
+        };
+        Ok(Self { asset, options, parts, compressed, starts, bin_bytes, pictures, sh })
     }
 
     /// Streams the binary buffer, padding between the streams included.

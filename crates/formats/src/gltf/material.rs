@@ -3,6 +3,7 @@
 //! Of a material only its colour without lights and its sides are read. Faults in it cost no more
 //! than these.
 
+use super::sh::ShExtras;
 use gltf_json::material::{AlphaCutoff, AlphaMode};
 use gltf_json::validation::Checked;
 use serde::Deserialize;
@@ -24,8 +25,18 @@ pub(crate) struct GltfMaterial {
     emissive_factor: Option<[f32; 3]>,
     #[serde(default, deserialize_with = "lenient")]
     emissive_texture: Option<GltfTextureInfo>,
+    #[serde(default, deserialize_with = "lenient")]
+    occlusion_texture: Option<GltfTextureInfo>,
+    #[serde(default, deserialize_with = "lenient")]
+    extras: Option<MaterialExtras>,
     #[serde(default)]
     extensions: MaterialExtensions,
+}
+
+/// What files of this program say of a material.
+#[derive(Debug, Deserialize)]
+struct MaterialExtras {
+    trisplat_sh: Option<ShExtras>,
 }
 
 /// Endings of material names for which Godot, and only Godot, reads vertex colours as sRGB.
@@ -66,6 +77,12 @@ impl GltfMaterial {
     /// True when alpha is ignored.
     pub(crate) fn is_opaque(&self) -> bool {
         !matches!(self.alpha_mode, Some(Checked::Valid(AlphaMode::Mask | AlphaMode::Blend)))
+    }
+
+    /// Its spherical harmonics, and the texture that they are in.
+    pub(crate) fn sh(&self) -> Option<(&ShExtras, &GltfTextureInfo)> {
+        let extras = self.extras.as_ref()?.trisplat_sh.as_ref();
+        extras.filter(|sh| sh.is_possible()).zip(self.occlusion_texture.as_ref())
     }
 
     /// True when triangles are drawn from both sides.

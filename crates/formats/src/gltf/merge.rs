@@ -4,13 +4,13 @@ use super::accessor::{self, Accessors};
 use super::document::{DRACO, GltfDocument, MeshInstance, Primitive};
 use super::material::GltfMaterial;
 use crate::finish::{is_far, origin_of, sampled};
-use glam::{DMat4, DVec3, Vec3};
+use glam::{DMat3, DMat4, DVec3, Vec3};
 use gltf_json::accessor::ComponentType;
 use gltf_json::mesh::{TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES};
 use trisplat_scene::atlas::PaintedFaces;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{Error, Limits, Result, parallel};
+use trisplat_scene::{Error, FaceSh, Limits, Result, parallel};
 
 /// Maximum number of warnings about one file.
 const MAX_WARNINGS: usize = 100;
@@ -33,6 +33,8 @@ pub(crate) struct MergedMesh<'a> {
     warnings: Vec<String>,
     limits: Limits,
     painted: Vec<PaintedFaces>,
+    /// Spherical harmonics, and their first face.
+    sh: Vec<(usize, FaceSh)>,
 }
 
 /// The faces of one primitive.
@@ -63,6 +65,7 @@ impl<'a> MergedMesh<'a> {
             warnings: Vec::new(),
             limits,
             painted: Vec::new(),
+            sh: Vec::new(),
         }
     }
 
@@ -189,6 +192,7 @@ impl<'a> MergedMesh<'a> {
         }
         self.read_colors(primitive, place, &part, count)?;
         self.read_texture(primitive, place, &part, mirrored)?;
+        self.read_sh(primitive, place, &part, transform)?;
         let is_double_sided =
             self.material(primitive, place)?.is_some_and(GltfMaterial::is_double_sided);
         self.push_sides(&part, is_double_sided);
@@ -363,6 +367,40 @@ impl<'a> MergedMesh<'a> {
         Ok(())
     }
 
+    /// Spherical harmonics of a primitive's faces, if its material has some.
+    fn read_sh(
+        &mut self,
+        primitive: &Primitive,
+        place: &str,
+        part: &PrimitiveFaces,
+        transform: Option<DMat4>,
+    ) -> Result<()> {
+        let Some(material) = self.material(primitive, place)? else { return Ok(()) };
+        let Some(sh) = material.sh() else { return Ok(()) };
+        if transform.is_some_and(turns) {
+            self.warn("view-dependent colours are not read where a node turns its mesh");
+            return Ok(());
+        }
+        let corner =
+            |corner: usize| part.indices.as_ref().map_or(corner, |list| list[corner] as usize);
+        let document = self.document;
+        let limits = self.limits;
+        let found = accessor::harmonics(
+            document,
+            &mut self.accessors,
+            sh,
+            &primitive.attributes,
+            part.faces,
+            corner,
+            &limits,
+        )?;
+        match found {
+            Ok(found) => self.sh.push((self.faces, found)),
+            Err(why) => self.warn(format!("view-dependent colours are not read: {place}: {why}")),
+        }
+        Ok(())
+    }
+
     /// The material of a primitive; `None` when it names none.
     fn material(&self, primitive: &Primitive, place: &str) -> Result<Option<&'a GltfMaterial>> {
         let materials = &self.document.materials;
@@ -512,6 +550,11 @@ impl<'a> MergedMesh<'a> {
             &self.limits,
         );
         self.warnings.extend(painted);
+        let faces = mesh.face_count();
+        if let Some(sh) = FaceSh::of_ranges(self.sh, faces).filter(|_| mesh.texture.is_none()) {
+            mesh = mesh.unshared();
+            mesh.sh = Some(sh);
+        }
         Ok((mesh, self.warnings))
     }
 }
@@ -521,6 +564,13 @@ fn reverse_winding<T>(corners: &mut [T]) {
     for face in corners.chunks_exact_mut(3) {
         face.swap(1, 2);
     }
+}
+
+/// Whether a transform does more than to move and to scale.
+fn turns(transform: DMat4) -> bool {
+    let diagonal = DMat3::from_mat4(transform);
+    let scale = DVec3::new(diagonal.x_axis.x, diagonal.y_axis.y, diagonal.z_axis.z);
+    diagonal != DMat3::from_diagonal(scale) || !scale.cmpgt(DVec3::ZERO).all()
 }
 
 /// The nearest number in [0, 1]; 0 for NaN.

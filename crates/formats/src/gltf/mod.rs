@@ -29,6 +29,7 @@ mod meshopt;
 mod options;
 mod part;
 mod read;
+mod sh;
 mod splats;
 mod write;
 

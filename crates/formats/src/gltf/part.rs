@@ -2,6 +2,7 @@
 
 use super::document::MAX_SHORT_VERTICES;
 use super::options::{GltfOptions, PositionEncoding};
+use super::sh::ShLayout;
 use glam::{DVec3, I64Vec3, U16Vec3, Vec2, Vec3};
 use gltf_json::accessor::{ComponentType, Type};
 use std::borrow::Cow;
@@ -49,6 +50,8 @@ pub(crate) struct ScenePart<'a> {
     pub(crate) vertex_normals: Arc<Vec<Vec3>>,
     /// Texture coordinates of all vertices, if faces share vertices.
     pub(crate) vertex_uvs: Arc<Vec<Vec2>>,
+    /// Places of its faces' spherical harmonics, if they have any.
+    pub(crate) sh: Option<ShLayout>,
     /// True when normals are written.
     pub(crate) lit: bool,
     /// Lowest and highest corner of the box around its vertices.
@@ -100,6 +103,7 @@ impl ScenePart<'_> {
     /// Its arrays, in file order.
     pub(crate) fn streams(&self) -> impl Iterator<Item = Stream> + use<> {
         let normals = self.lit.then_some(Stream::Normals);
+        let sh = self.sh.map(|_| Stream::TexCoords);
         // A colour would be multiplied with the texture.
         let painted = match self.mesh.texture {
             Some(_) => Stream::TexCoords,
@@ -107,7 +111,7 @@ impl ScenePart<'_> {
         };
         let painted = (self.kind != PartKind::Collision).then_some(painted);
         let indices = self.indexed.then_some(Stream::Indices);
-        [Some(Stream::Positions), normals, painted, indices].into_iter().flatten()
+        [Some(Stream::Positions), normals, painted, sh, indices].into_iter().flatten()
     }
 
     /// Number of elements of a stream.
@@ -163,6 +167,7 @@ impl ScenePart<'_> {
 pub(crate) fn parts<'a>(
     path: &Path,
     asset: &'a Asset,
+    sh: Option<ShLayout>,
     options: &GltfOptions,
 ) -> Result<Vec<ScenePart<'a>>> {
     let mesh = &asset.mesh;
@@ -193,6 +198,7 @@ pub(crate) fn parts<'a>(
             kind,
             vertex_normals: vertex_normals.clone(),
             vertex_uvs: vertex_uvs.clone(),
+            sh: sh.filter(|_| kind == PartKind::Scene),
             ..part
         })
     };
@@ -318,6 +324,7 @@ fn part<'a>(
         indexed,
         vertex_normals: Arc::default(),
         vertex_uvs: Arc::default(),
+        sh: None,
         lit,
         bounds,
         grid: None,

@@ -1,7 +1,9 @@
 //! View-dependent colour: real spherical harmonics of degree 0 to 3 (as in Kerbl et al. 2023).
 #![allow(clippy::excessive_precision, reason = "as published")]
 
+use glam::{DMat3, DVec3};
 use trisplat_scene::math::real::{Real, V3};
+use trisplat_scene::mesh::Mesh;
 
 /// Largest number of coefficients, (3 + 1)².
 pub const MAX_COEFFICIENTS: usize = 16;
@@ -67,6 +69,89 @@ pub fn basis<R: Real>(degree: u8, v: V3<R>) -> [R; MAX_COEFFICIENTS] {
     out
 }
 
+/// The coefficients of turned harmonics, up to degree 3: `turned` of them in a direction is `own` of
+/// them in the direction before `rotation`. Coefficients of a degree mix only with each other, so
+/// each degree is solved for as many directions as it has coefficients.
+pub struct ShRotation {
+    /// Of degree 1, 2 and 3. `[2l + 1][2l + 1]`
+    degrees: [Vec<Vec<f64>>; 3],
+}
+
+impl ShRotation {
+    /// From the directions before a rotation to those after it.
+    pub fn new(rotation: DMat3) -> Self {
+        Self { degrees: [1, 2, 3].map(|l| Self::of_degree(l, rotation)) }
+    }
+
+    /// Solves Y(rotation d_i) x = Y(d_i) for directions d_i that are spread over the sphere.
+    fn of_degree(l: usize, rotation: DMat3) -> Vec<Vec<f64>> {
+        let count = 2 * l + 1;
+        let own = |direction: DVec3| {
+            let DVec3 { x, y, z } = direction;
+            basis::<f64>(3, V3 { x, y, z })[l * l..][..count].to_vec()
+        };
+        // A spiral from pole to pole, of twice as many directions: least squares.
+        let directions = (0..4 * count).map(|i| {
+            let z = 1.0 - (2.0 * i as f64 + 1.0) / (4 * count) as f64;
+            let (sin, cos) = libm::sincos(GOLDEN_ANGLE * i as f64);
+            DVec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z)
+        });
+        let mut system = vec![vec![0.0; 2 * count]; count];
+        for direction in directions {
+            let after = own(rotation * direction);
+            let before = own(direction);
+            for (row, value) in system.iter_mut().zip(&after) {
+                for k in 0..count {
+                    row[k] += value * after[k];
+                    row[count + k] += value * before[k];
+                }
+            }
+        }
+        solve(&mut system);
+        system.into_iter().map(|row| row[count..].to_vec()).collect()
+    }
+
+    /// Turns the harmonics of a mesh whose positions were turned by `rotation`.
+    pub fn turn(mesh: &mut Mesh, rotation: DMat3) {
+        if let Some(sh) = &mut mesh.sh {
+            let turn = Self::new(rotation);
+            sh.map_faces(|coefficients| turn.apply(coefficients));
+        }
+    }
+
+    /// Turns the coefficients of a face, by degree and channel; the first, of degree 0, stays.
+    pub fn apply(&self, coefficients: &mut [[f32; 3]]) {
+        for (l, matrix) in (1..).zip(&self.degrees) {
+            let Some(band) = coefficients.get_mut(l * l..(l + 1) * (l + 1)) else { return };
+            let own = band.to_vec();
+            for (out, row) in band.iter_mut().zip(matrix) {
+                for c in 0..3 {
+                    let sum: f64 = row.iter().zip(&own).map(|(m, own)| m * f64::from(own[c])).sum();
+                    out[c] = sum as f32;
+                }
+            }
+        }
+    }
+}
+
+/// Turn from one direction of a spiral to the next, radians.
+const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+
+/// Solves a symmetric positive definite system with several right sides, in place (Gauss-Jordan).
+fn solve(system: &mut [Vec<f64>]) {
+    for pivot in 0..system.len() {
+        let per = 1.0 / system[pivot][pivot];
+        system[pivot].iter_mut().for_each(|value| *value *= per);
+        let own = system[pivot].clone();
+        for (i, row) in system.iter_mut().enumerate() {
+            if i != pivot {
+                let factor = row[pivot];
+                row.iter_mut().zip(&own).for_each(|(value, own)| *value -= factor * own);
+            }
+        }
+    }
+}
+
 /// Σ d_k ∂basis_k/∂v: the gradient of the direction for gradients `d` of the basis.
 #[inline(always)]
 pub fn basis_grad<R: Real>(degree: u8, v: V3<R>, d: &[R; MAX_COEFFICIENTS]) -> V3<R> {
@@ -126,6 +211,25 @@ pub fn normalize_grad<R: Real>(unit: V3<R>, length: R, d: V3<R>) -> V3<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sh_rotation_turns_coefficients_as_directions() {
+        let turn = DMat3::from_euler(glam::EulerRot::XYZ, 0.4, -1.1, 2.3);
+        let value = |coefficients: &[[f32; 3]], d: DVec3| -> f64 {
+            let basis = basis::<f64>(3, V3 { x: d.x, y: d.y, z: d.z });
+            coefficients.iter().zip(basis).map(|(c, y)| f64::from(c[1]) * y).sum()
+        };
+        let own: Vec<[f32; 3]> = (0..16).map(|i| [0.0, (i as f32 * 0.7).sin(), 1.0]).collect();
+        for width in [4, 9, 16] {
+            let mut turned = own[..width].to_vec();
+            ShRotation::new(turn).apply(&mut turned);
+            for i in 0..20 {
+                let d = DVec3::new((i as f64).sin(), (2.7 * i as f64).cos(), 0.3).normalize();
+                let difference = value(&turned, turn * d) - value(&own[..width], d);
+                assert!(difference.abs() < 1e-6, "{width} {i} {difference}");
+            }
+        }
+    }
 
     #[test]
     fn sh_constant_of_soups_equals_the_kernels_to_one_ulp() {

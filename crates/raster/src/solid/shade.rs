@@ -12,6 +12,8 @@ use trisplat_scene::mesh::{Colors, Mesh};
 /// Writes the pixels of a tile.
 pub(super) struct ShadeTile<'a, 'b> {
     pub(super) mesh: &'a Mesh,
+    /// Its colours, as the camera sees them.
+    pub(super) colors: &'a Colors,
     pub(super) projector: &'a Projector,
     /// Linear.
     pub(super) background: [f32; 3],
@@ -64,7 +66,7 @@ impl ShadeTile<'_, '_> {
         if let Some(texture) = &self.mesh.texture {
             return self.shade_textured(y, texture, row);
         }
-        match &self.mesh.colors {
+        match self.colors {
             Colors::Face(colors) => self.shade_flat(y, colors, row),
             Colors::Vertex(colors) => {
                 for x in (0..TILE_WIDTH).step_by(LANES) {
@@ -325,7 +327,15 @@ mod tests {
         let background = [0.1, 0.2, 0.3];
         dispatch_at(
             level,
-            ShadeTile { mesh, projector, background, corner: [0, 0], keys: &keys, rows: &mut rows },
+            ShadeTile {
+                mesh,
+                colors: &mesh.colors,
+                projector,
+                background,
+                corner: [0, 0],
+                keys: &keys,
+                rows: &mut rows,
+            },
         );
         (keys, pixels)
     }
