@@ -15,6 +15,7 @@ mod photos;
 mod raycast;
 mod reshape;
 mod robustness;
+mod sh;
 mod shell;
 mod sides;
 mod sky;

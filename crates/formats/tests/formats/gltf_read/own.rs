@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use std::path::Path;
 use trisplat_formats::gltf::{ColorEncoding, GltfOptions, PositionEncoding, write_glb, write_gltf};
 use trisplat_scene::{
-    Asset, Chunk, Placement, Provenance, Rng, UpAxis,
+    Asset, Chunk, FaceSh, Placement, Provenance, Rng, UpAxis,
     math::color::{linear_from_srgb, srgb_from_linear},
     mesh::{Colors, Mesh},
 };
@@ -364,4 +364,56 @@ proptest! {
             prop_assert_eq!(back.corner_colors(face), asset.mesh.corner_colors(face));
         }
     }
+}
+
+/// A soup with harmonics of degree 2, whose last triangle is the backdrop.
+fn shiny(faces: usize) -> Asset {
+    let mut asset = soup(faces);
+    let value = |i: usize| 0.01 * ((i * 29 % 83) as f32 - 41.0);
+    let coefficients = (0..9 * faces).map(|i| [value(i), value(i + 1), value(i + 2)]).collect();
+    asset.mesh.sh = Some(FaceSh::new(2, coefficients).unwrap());
+    asset.provenance.backdrop_faces = 1;
+    asset
+}
+
+#[test]
+fn harmonics_read_back_with_every_storage_of_positions() {
+    for asset in [shiny(301), chunked(shiny(300), 60)] {
+        for positions in [PositionEncoding::F32, PositionEncoding::ChunkU16] {
+            for meshopt in [false, true] {
+                let options = GltfOptions { positions, meshopt, ..GltfOptions::default() };
+                let back = round_trip(&asset, &options);
+                let [own, read] = [&asset.mesh, &back].map(|mesh| mesh.sh.as_ref().unwrap());
+                let scene = asset.scene_faces();
+                assert_eq!((read.degree(), read.face_count()), (2, scene + 1));
+                for face in 0..scene {
+                    for (a, b) in own.face(face).iter().zip(read.face(face)) {
+                        let apart = (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max);
+                        assert!(apart <= 0.51 * 0.41 / 127.0, "{face}: {a:?} {b:?}");
+                    }
+                }
+                assert_eq!(read.face(scene), [[0.0; 3]; 9], "the backdrop has none");
+            }
+        }
+    }
+}
+
+#[test]
+fn harmonics_leave_the_plain_look_as_it_is() {
+    let asset = shiny(40);
+    let mut bytes = Vec::new();
+    let options = GltfOptions::default();
+    write_glb(&mut bytes, Path::new("scene.glb"), &asset, &options).unwrap();
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    let [scene, backdrop] = [0, 1].map(|i| &json["materials"][i]);
+    assert_eq!(scene["occlusionTexture"]["strength"], 0.0);
+    assert_eq!(scene["extras"]["trisplat_sh"]["degree"], 2);
+    assert!(scene["pbrMetallicRoughness"].get("baseColorTexture").is_none());
+    assert!(backdrop.get("occlusionTexture").is_none() && backdrop.get("extras").is_none());
+    assert_eq!(json["samplers"][0]["magFilter"], 9728, "texels are numbers: none between two");
+    assert_eq!(json["images"][0]["mimeType"], "image/png");
+    let plain = Asset { mesh: Mesh { sh: None, ..asset.mesh.clone() }, ..asset.clone() };
+    let [with, without] = [&asset, &plain].map(|asset| round_trip(asset, &options).colors);
+    assert_eq!(with, without);
 }
