@@ -88,14 +88,23 @@ fn cameras(provenance: &Provenance, size: UVec2) -> Vec<Camera> {
 
 #[test]
 fn a_page_shows_what_our_renderer_draws() {
+    let flags = ["--set", "chunk_triangles=3000", "--set", "scale=2", "--set", "center=true"];
+    assert_page_draws_as_we_do(&studio(), &flags);
+}
+
+#[test]
+fn page_draws_view_dependent_colours_as_we_do() {
+    let dataset = here("samples/dataset");
+    let flags = ["--dataset", dataset.to_str().unwrap(), "--sh", "2", "--set", "scale=2"];
+    assert_page_draws_as_we_do(&here("samples/soups/trained.ply"), &flags);
+}
+
+/// Bake a page, and compare what a browser shows with our renderer from held-out cameras.
+fn assert_page_draws_as_we_do(input: &Path, flags: &[&str]) {
     let Some(chromium) = chromium() else { return };
     let folder = TempDir::new().unwrap();
     let page = folder.path().join("scene.html");
-    bake(
-        &studio(),
-        &page,
-        &["--set", "chunk_triangles=3000", "--set", "scale=2", "--set", "center=true"],
-    );
+    bake(input, &page, flags);
     let (mesh, provenance) = mesh(&page);
     let size = UVec2::new(480, 360);
     let cameras = cameras(&provenance, size);

@@ -116,6 +116,7 @@ const MAX_EQUATION_BYTES: u64 = 2 << 30;
 const SUMMED_PART: f64 = 0.8;
 
 /// Fits harmonics for the faces of `mesh` before `behind` to `views`; those behind are surroundings.
+/// None where other options ask for what excludes them: `instead`.
 ///
 /// # Errors
 ///
@@ -124,6 +125,7 @@ pub fn sh(
     mesh: &mut Mesh,
     behind: usize,
     views: Option<&mut Views>,
+    instead: Option<&'static str>,
     options: &ShOptions,
     details: &mut ShDetails,
     progress: &mut StageProgress<'_>,
@@ -137,13 +139,13 @@ pub fn sh(
         _ => Err(Error::invalid("sh", format!("{} with {why}", degrees[0]), "0")),
     };
     let Some(views) = views.filter(|views| !views.is_empty()) else {
-        return Ok(Outcome::Skipped("no photos were given"));
+        return refused("neither photos nor pictures of the scene");
     };
     if !mesh.indices.is_empty() {
         return refused("a mesh whose faces share vertices");
     }
-    if mesh.texture.is_some() {
-        return refused("a texture");
+    if let Some(instead) = instead {
+        return refused(instead);
     }
     mesh.sh = None;
     let fits = |degree: &&u8| {

@@ -7,7 +7,7 @@ use trisplat_gpu::{Gpu, buffer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::geometry;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{Asset, Chunk, Error, FaceTexture, Result, Texture, parallel};
+use trisplat_scene::{Asset, Chunk, Error, FaceSh, FaceTexture, Result, Texture, parallel};
 use wgpu::*;
 
 /// An asset in GPU memory.
@@ -23,6 +23,8 @@ pub struct Model {
     vertices: Buffer,
     indices: Option<Buffer>,
     texture: Option<BindGroup>,
+    /// Spherical harmonics of the faces, and their degree.
+    harmonics: Option<(BindGroup, u8)>,
 }
 
 impl Model {
@@ -31,11 +33,7 @@ impl Model {
     /// # Errors
     ///
     /// The card has no room; one colour per face of a mesh with indices.
-    pub(crate) fn upload(
-        gpu: &Gpu,
-        texture_layout: &BindGroupLayout,
-        asset: &Asset,
-    ) -> Result<Self> {
+    pub(crate) fn upload(gpu: &Gpu, layouts: &ModelLayouts, asset: &Asset) -> Result<Self> {
         let mesh = &asset.mesh;
         mesh.validate_shape()?;
         // One picture, also of a file with several.
@@ -52,14 +50,23 @@ impl Model {
             .transpose()?;
         let mut bytes = vertices.size() + indices.as_ref().map_or(0, Buffer::size);
         let texture = texture
-            .map(|texture| page_group(gpu, texture_layout, &texture.pages[0]))
+            .map(|texture| page_group(gpu, &layouts.texture, &texture.pages[0]))
             .transpose()?;
         bytes += texture.as_ref().map_or(0, |(_, size)| *size);
         let texture = texture.map(|(group, _)| group);
+        let sh = mesh.sh.as_ref().filter(|_| texture.is_none());
+        let harmonics = sh.map(|sh| harmonics_group(gpu, &layouts.harmonics, sh)).transpose()?;
+        bytes += harmonics.as_ref().map_or(0, |(_, size)| *size);
+        let harmonics = harmonics.zip(sh).map(|((group, _), sh)| (group, sh.degree()));
         let chunks = bounds(asset);
         let is_single_sided = |(chunk, _): &(Chunk, _)| mesh.is_single_sided(chunk.first as usize);
         let single_sided = chunks.iter().map(is_single_sided).collect();
-        Ok(Self { bytes, chunks, single_sided, vertices, indices, texture })
+        Ok(Self { bytes, chunks, single_sided, vertices, indices, texture, harmonics })
+    }
+
+    /// Degree of its spherical harmonics; 0 without any.
+    pub(crate) fn sh_degree(&self) -> u8 {
+        self.harmonics.as_ref().map_or(0, |(_, degree)| *degree)
     }
 
     /// True with a texture.
@@ -116,6 +123,9 @@ impl Model {
         if let Some(group) = &self.texture {
             pass.set_bind_group(1, group, &[]);
         }
+        if let Some((group, _)) = &self.harmonics {
+            pass.set_bind_group(1, group, &[]);
+        }
     }
 }
 
@@ -154,8 +164,54 @@ fn texture_corners(gpu: &Gpu, mesh: &Mesh, texture: &FaceTexture) -> Result<Buff
 /// Bytes of a texel.
 const TEXEL: u32 = 4;
 
+/// Layouts of the second bind group.
+#[derive(Debug, Clone)]
+pub(crate) struct ModelLayouts {
+    /// Of a texture.
+    pub(super) texture: BindGroupLayout,
+    /// Of spherical harmonics.
+    pub(super) harmonics: BindGroupLayout,
+}
+
+impl ModelLayouts {
+    pub(super) fn new(gpu: &Gpu) -> Self {
+        let entry = BindGroupLayoutEntry {
+            binding: 2,
+            visibility: ShaderStages::VERTEX,
+            ty: BindingType::Buffer {
+                ty: BufferBindingType::Storage { read_only: true },
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
+            count: None,
+        };
+        let harmonics = gpu.device.create_bind_group_layout(&BindGroupLayoutDescriptor {
+            label: Some("harmonics"),
+            entries: &[entry],
+        });
+        Self { texture: page_layout(gpu), harmonics }
+    }
+}
+
+/// The bind group of the harmonics of all faces, and its bytes.
+///
+/// # Errors
+///
+/// The card has no room.
+fn harmonics_group(gpu: &Gpu, layout: &BindGroupLayout, sh: &FaceSh) -> Result<(BindGroup, u64)> {
+    let values = sh.coefficients();
+    let buffer =
+        buffer::filled(gpu, "harmonics", BufferUsages::STORAGE, values.len(), |i| values[i])?;
+    let group = gpu.device.create_bind_group(&BindGroupDescriptor {
+        label: Some("harmonics"),
+        layout,
+        entries: &[BindGroupEntry { binding: 2, resource: buffer.as_entire_binding() }],
+    });
+    Ok((group, buffer.size()))
+}
+
 /// Layout of the bind group of a texture.
-pub(super) fn page_layout(gpu: &Gpu) -> BindGroupLayout {
+fn page_layout(gpu: &Gpu) -> BindGroupLayout {
     let entry = |binding, ty| BindGroupLayoutEntry {
         binding,
         visibility: ShaderStages::FRAGMENT,

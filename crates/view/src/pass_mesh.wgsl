@@ -4,11 +4,14 @@
 
 struct Frame {
     clip: mat4x4<f32>, // world to clip space: x right, y up, w = depth, z = near
+    eye: vec4<f32>,    // the camera's place; w = degree of the spherical harmonics
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(1) @binding(0) var page: texture_2d<f32>;
 @group(1) @binding(1) var trilinear: sampler;
+// Red, green and blue of each coefficient, face by face.
+@group(1) @binding(2) var<storage, read> harmonics: array<f32>;
 
 // 1 where the format of the target is not sRGB.
 override ENCODE: u32 = 0u;
@@ -27,6 +30,40 @@ fn corner_color(@location(0) position: vec3<f32>, @location(1) root: vec4<f32>) 
     return Smooth(frame.clip * vec4<f32>(position, 1.0), root.rgb * root.rgb);
 }
 
+// As kernel/sh.rs, which has the names of the constants.
+fn sh_basis(d: vec3<f32>) -> array<f32, 16> {
+    let x = d.x;
+    let y = d.y;
+    let z = d.z;
+    let xx = x * x;
+    let yy = y * y;
+    let zz = z * z;
+    return array<f32, 16>(
+        0.28209479, -0.48860251 * y, 0.48860251 * z, -0.48860251 * x,
+        1.09254843 * x * y, -1.09254843 * y * z, 0.31539157 * (2.0 * zz - xx - yy), -1.09254843 * x * z, 0.54627422 * (xx - yy),
+        -0.59004359 * y * (3.0 * xx - yy), 2.89061144 * x * y * z, -0.45704580 * y * (4.0 * zz - xx - yy),
+        0.37317633 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy), -0.45704580 * x * (4.0 * zz - xx - yy), 1.44530572 * z * (xx - yy),
+        -0.59004359 * x * (xx - 3.0 * yy),
+    );
+}
+
+@vertex
+fn harmonic_color(
+    @builtin(vertex_index) vertex: u32,
+    @location(0) position: vec3<f32>,
+    @location(1) root: vec4<f32>,
+) -> Smooth {
+    let width = u32((frame.eye.w + 1.0) * (frame.eye.w + 1.0));
+    let first = vertex / 3u * width * 3u;
+    var basis = sh_basis(normalize(position - frame.eye.xyz));
+    var code = srgb_from_linear(root.rgb * root.rgb);
+    for (var j = 0u; j < width; j++) {
+        let at = first + 3u * j;
+        code += basis[j] * vec3<f32>(harmonics[at], harmonics[at + 1u], harmonics[at + 2u]);
+    }
+    return Smooth(frame.clip * vec4<f32>(position, 1.0), linear_from_srgb(code));
+}
+
 @vertex
 fn texture_color(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> Textured {
     return Textured(frame.clip * vec4<f32>(position, 1.0), uv);
@@ -35,6 +72,11 @@ fn texture_color(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -
 fn srgb_from_linear(linear: vec3<f32>) -> vec3<f32> {
     let c = clamp(linear, vec3<f32>(0.0), vec3<f32>(1.0));
     return select(1.055 * pow(c, vec3<f32>(1.0 / 2.4)) - 0.055, 12.92 * c, c <= vec3<f32>(0.0031308));
+}
+
+fn linear_from_srgb(encoded: vec3<f32>) -> vec3<f32> {
+    let c = clamp(encoded, vec3<f32>(0.0), vec3<f32>(1.0));
+    return select(pow((c + 0.055) / 1.055, vec3<f32>(2.4)), c / 12.92, c <= vec3<f32>(0.04045));
 }
 
 fn written(linear: vec3<f32>) -> vec4<f32> {

@@ -2,7 +2,8 @@
 //! triangles, z-buffer, both sides, clipped at the near plane, colours interpolated
 //! perspective-correctly in linear light and sRGB-encoded when written.
 
-use crate::model::{CornerVertex, Model, TextureVertex, page_layout};
+use crate::model::{CornerVertex, Model, ModelLayouts, TextureVertex};
+use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec4, Mat4, UVec2};
 use std::collections::HashMap;
 use trisplat_gpu::{AdapterOptions, Gpu, readback};
@@ -115,6 +116,7 @@ pub(crate) fn texture(
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct PipelineKey {
     is_textured: bool,
+    has_harmonics: bool,
     single_sided: bool,
     wireframe: bool,
     format: TextureFormat,
@@ -128,8 +130,7 @@ pub(crate) struct AssetRenderer {
     frame: Buffer,
     frame_group: BindGroup,
     frame_layout: BindGroupLayout,
-    /// Layout of the bind group of a texture.
-    pub(crate) texture_layout: BindGroupLayout,
+    pub(crate) layouts: ModelLayouts,
     pipelines: HashMap<PipelineKey, RenderPipeline>,
 }
 
@@ -142,7 +143,7 @@ impl AssetRenderer {
             .create_shader_module(ShaderModuleDescriptor { label: Some("pass_mesh"), source });
         let frame = gpu.device.create_buffer(&BufferDescriptor {
             label: Some("frame"),
-            size: size_of::<Mat4>() as u64,
+            size: size_of::<FrameUniforms>() as u64,
             usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
@@ -158,21 +159,14 @@ impl AssetRenderer {
         };
         let descriptor = BindGroupLayoutDescriptor { label: Some("frame"), entries: &[entry] };
         let frame_layout = gpu.device.create_bind_group_layout(&descriptor);
-        let texture_layout = page_layout(gpu);
+        let layouts = ModelLayouts::new(gpu);
         let frame_group = gpu.device.create_bind_group(&BindGroupDescriptor {
             label: Some("frame"),
             layout: &frame_layout,
             entries: &[BindGroupEntry { binding: 0, resource: frame.as_entire_binding() }],
         });
         gpu.check()?;
-        Ok(Self {
-            shader,
-            frame,
-            frame_group,
-            frame_layout,
-            texture_layout,
-            pipelines: HashMap::new(),
-        })
+        Ok(Self { shader, frame, frame_group, frame_layout, layouts, pipelines: HashMap::new() })
     }
 
     /// Records the drawing of `model` onto a picture, which is cleared first.
@@ -191,12 +185,17 @@ impl AssetRenderer {
         let Attachments { format, samples, .. } = *output.attachments;
         let key = |single_sided| PipelineKey {
             is_textured: model.is_textured(),
+            has_harmonics: model.sh_degree() > 0,
             single_sided,
             wireframe: params.wireframe,
             format,
             samples,
         };
-        gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&to_clip_space(params)));
+        gpu.queue.write_buffer(
+            &self.frame,
+            0,
+            bytemuck::bytes_of(&FrameUniforms::new(params, model)),
+        );
         let mut draws = Vec::new();
         for single_sided in [false, true] {
             let runs = model.draw_calls(&params.camera, params.near, single_sided);
@@ -233,20 +232,25 @@ impl AssetRenderer {
     }
 
     fn pipeline(&self, gpu: &Gpu, key: PipelineKey) -> RenderPipeline {
-        let (vertex, light) = if !key.is_textured {
-            ("corner_color", "smooth_light")
-        } else {
+        let (vertex, light) = if key.is_textured {
             ("texture_color", "texture_light")
+        } else if key.has_harmonics {
+            ("harmonic_color", "smooth_light")
+        } else {
+            ("corner_color", "smooth_light")
         };
         let constants = [("ENCODE", f64::from(u8::from(!key.format.is_srgb())))];
         let compilation_options = PipelineCompilationOptions {
             constants: &constants,
             ..PipelineCompilationOptions::default()
         };
-        let groups = [Some(&self.frame_layout), Some(&self.texture_layout)];
+        let second =
+            if key.has_harmonics { &self.layouts.harmonics } else { &self.layouts.texture };
+        let groups = [Some(&self.frame_layout), Some(second)];
+        let count = if key.is_textured || key.has_harmonics { 2 } else { 1 };
         let layout = gpu.device.create_pipeline_layout(&PipelineLayoutDescriptor {
             label: Some("mesh"),
-            bind_group_layouts: if key.is_textured { &groups } else { &groups[..1] },
+            bind_group_layouts: &groups[..count],
             immediate_size: 0,
         });
         gpu.device.create_render_pipeline(&RenderPipelineDescriptor {
@@ -344,6 +348,23 @@ fn vertex_buffer(is_textured: bool) -> VertexBufferLayout<'static> {
     }
 }
 
+/// What the shader knows of a frame.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct FrameUniforms {
+    /// World to clip space, by columns.
+    clip: [f32; 16],
+    /// The place of the camera, and the degree of the model's spherical harmonics.
+    eye: [f32; 4],
+}
+
+impl FrameUniforms {
+    fn new(params: &FrameParams, model: &Model) -> Self {
+        let eye = params.camera.position().extend(f32::from(model.sh_degree()));
+        Self { clip: to_clip_space(params).to_cols_array(), eye: eye.to_array() }
+    }
+}
+
 /// World to clip space, multiplied in f64 and rounded once.
 ///
 /// ```text
@@ -399,7 +420,7 @@ impl Headless {
     ///
     /// The card has no room.
     pub fn upload(&self, asset: &Asset) -> Result<Model> {
-        Model::upload(&self.gpu, &self.renderer.texture_layout, asset)
+        Model::upload(&self.gpu, &self.renderer.layouts, asset)
     }
 
     /// The picture of `model`.

@@ -1,6 +1,7 @@
 //! Colours from pictures.
 
 use super::Recipe;
+use crate::lit::Lit;
 use crate::refit::{UnseenColors, refit};
 use crate::sh::sh;
 use crate::texture::texture;
@@ -36,11 +37,19 @@ impl Recipe<'_> {
         views: Option<&mut Views>,
     ) -> Result<Mesh> {
         let options = &self.options.sh;
+        let is_lit = self.options.lit.lit != Lit::Off;
+        let instead = if self.options.texture.is_wanted() {
+            Some("a texture")
+        } else {
+            is_lit.then_some("normals for lights")
+        };
         let (mesh, _) = self.report.long_stage(
             self.observer,
             mesh,
             Mesh::counts,
-            |mesh, details, progress| sh(mesh, scene_faces, views, options, details, progress),
+            |mesh, details, progress| {
+                sh(mesh, scene_faces, views, instead, options, details, progress)
+            },
         )?;
         Ok(mesh)
     }

@@ -45,6 +45,12 @@ impl Recipe<'_> {
     fn untextured(&mut self, mut loaded: ImportedScene, has_photos: bool) -> ImportedScene {
         if let Scene::Mesh(mesh) = &mut loaded.scene
             && has_photos
+        {
+            // They belong to the colours that photos replace.
+            mesh.sh = None;
+        }
+        if let Scene::Mesh(mesh) = &mut loaded.scene
+            && has_photos
             && mesh.drop_texture()
             && !self.options.texture.is_wanted()
         {

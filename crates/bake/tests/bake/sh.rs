@@ -40,6 +40,7 @@ fn fitted(
         mesh,
         faces,
         Some(&mut views),
+        None,
         &ShOptions { sh: degree },
         &mut details,
         &mut StageProgress::new(&mut |_| Continue(())),

@@ -15,6 +15,10 @@ use trisplat_scene::{Asset, Error, Provenance, Result, Tile};
 /// The note for a file that does not hold its scene's texture.
 const NO_TEXTURE: &str = "the texture of the scene is not in this file, which has its colours: write .glb or .gltf to keep it";
 
+/// What a scene with spherical harmonics loses in a format without a place for them.
+const NO_SH: &str =
+    "the file shows the plain colours: only glTF, GLB and pages hold view-dependent ones";
+
 /// The note for a file that does not hold its scene's sides.
 const NO_SIDES: &str = "this file does not say from which sides triangles are drawn, so their backs show: write .glb or .gltf to keep sides";
 
@@ -206,6 +210,7 @@ impl Output {
         };
         let has_fronts = (0..asset.scene_faces()).any(|face| asset.mesh.is_single_sided(face));
         let no_sides = (has_fronts && !self.format.has_sides()).then_some(NO_SIDES);
+        let no_sh = asset.mesh.sh.as_ref().map(|_| NO_SH);
         let written = match (self.format, second) {
             (OutputFormat::Obj, Some(mtl)) => {
                 let picture = self.picture.as_deref().map(name_of);
@@ -213,7 +218,7 @@ impl Output {
                 let prefer = "OBJ is text (about 3x a GLB) and Godot, Unity and Unreal drop or cull parts of it; prefer GLB";
                 let lost =
                     (asset.mesh.texture.is_some() && picture.is_none()).then_some(NO_TEXTURE);
-                return Ok([Some(prefer), lost, no_sides]
+                return Ok([Some(prefer), lost, no_sides, no_sh]
                     .into_iter()
                     .flatten()
                     .map(str::to_owned)
@@ -222,7 +227,11 @@ impl Output {
             (OutputFormat::Ply, _) => {
                 ply::write_mesh(main, asset, options.ply_face_colors).map_err(io)?;
                 let lost = asset.mesh.texture.as_ref().map(|_| NO_TEXTURE);
-                return Ok([lost, no_sides].into_iter().flatten().map(str::to_owned).collect());
+                return Ok([lost, no_sides, no_sh]
+                    .into_iter()
+                    .flatten()
+                    .map(str::to_owned)
+                    .collect());
             }
             (OutputFormat::Usdz, _) => return encode_usdz(main, asset, options),
             (OutputFormat::Gltf, Some(bin)) => {
@@ -276,7 +285,8 @@ fn encode_usdz(
     usdz::write(main, picture, scene).map_err(|e| Error::io(main.path(), e))?;
     let plain = "USDZ: phones show pictures and no colours of triangles: give `texture`, even where colours are closer to the photos, or use `trisplat mesh --texture`";
     let room = "USDZ: the backdrop is left out, because a phone shows the room around the scene";
-    let notes = [(picture.is_none(), plain), (parts.is_some(), room)];
+    let notes =
+        [(picture.is_none(), plain), (parts.is_some(), room), (scene.mesh.sh.is_some(), NO_SH)];
     Ok(notes.into_iter().filter(|(holds, _)| *holds).map(|(_, note)| note.to_owned()).collect())
 }
 

@@ -2,6 +2,7 @@
 
 use super::crop::CropEditor;
 use crate::model::Model;
+use crate::model::ModelLayouts;
 use crate::renderer::{AssetRenderer, Canvas, FrameParams};
 use glam::{UVec2, Vec3};
 use std::path::{Path, PathBuf};
@@ -10,7 +11,6 @@ use trisplat_gpu::{AdapterOptions, Gpu};
 use trisplat_scene::camera::{Camera, Viewpoint};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::{Asset, Error, Placement, Region, Result};
-use wgpu::BindGroupLayout;
 use winit::event_loop::EventLoopProxy;
 
 /// Appearance of a window.
@@ -213,7 +213,7 @@ impl MessageSender {
     pub(super) fn load(
         &self,
         gpu: Arc<Gpu>,
-        groups: BindGroupLayout,
+        groups: ModelLayouts,
         loader: SceneLoader,
         files: SceneFiles,
     ) {
@@ -233,7 +233,7 @@ impl MessageSender {
     pub(super) fn follow(
         &self,
         gpu: Arc<Gpu>,
-        groups: BindGroupLayout,
+        groups: ModelLayouts,
         loader: &SceneLoader,
         files: SceneFiles,
     ) {
@@ -258,7 +258,7 @@ impl MessageSender {
 /// `scene` in GPU memory.
 fn uploaded(
     gpu: &Gpu,
-    groups: &BindGroupLayout,
+    groups: &ModelLayouts,
     files: SceneFiles,
     scene: WindowScene,
 ) -> Result<Box<ShownScene>> {
@@ -274,7 +274,7 @@ fn uploaded(
 /// The triangles of `asset` in a region of its file, in GPU memory.
 pub(super) fn cropped(
     gpu: &Gpu,
-    groups: &BindGroupLayout,
+    groups: &ModelLayouts,
     asset: &Asset,
     placement: &Placement,
     region: &Region,

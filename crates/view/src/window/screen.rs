@@ -4,6 +4,7 @@ use super::super::renderer::{AssetRenderer, Attachments, FrameOutput, clear};
 use super::panel;
 use super::scene::WindowOptions;
 use super::session::Session;
+use crate::model::ModelLayouts;
 use glam::UVec2;
 use std::sync::Arc;
 use std::time::Duration;
@@ -84,9 +85,9 @@ impl Screen {
         })
     }
 
-    /// The layout of the bind group of a texture.
-    pub(super) fn groups(&self) -> BindGroupLayout {
-        self.renderer.texture_layout.clone()
+    /// Layouts of the bind groups of models.
+    pub(super) fn groups(&self) -> ModelLayouts {
+        self.renderer.layouts.clone()
     }
 
     /// Takes a new size of the window.

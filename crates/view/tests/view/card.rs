@@ -5,8 +5,9 @@
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use trisplat_bake::{BakeOptions, BakePreset, bake};
 use trisplat_gpu::AdapterOptions;
+use trisplat_raster::solid::view_colors;
 use trisplat_scene::{
-    Asset, Chunk, Error, ImportedScene, Rng, Scene,
+    Asset, Chunk, Error, FaceSh, ImportedScene, Rng, Scene,
     camera::Camera,
     image::RgbImage,
     math::color::{linear_from_srgb, srgb_from_linear},
@@ -175,6 +176,27 @@ fn solid_colours_of_faces_and_vertices_are_exact() {
         let (got, drawn) = card.render(&model, &params(&camera)).unwrap();
         assert_eq!(drawn.triangles, asset.mesh.face_count() as u64);
         assert_agrees(name, &got, &ids, &wants);
+    }
+}
+
+#[test]
+fn harmonics_on_the_card_are_those_of_the_cpu() {
+    let Some(mut card) = card() else { return };
+    let camera = camera();
+    for degree in 1..=3 {
+        let mut mesh = triangles(600, 3);
+        let width = usize::from(degree + 1).pow(2);
+        let rng = Rng::new(9, "view test", u64::from(degree));
+        let value = |i: usize| 0.3 * rng.uniform(i as u64) - 0.15;
+        let coefficients = (0..600 * width).map(|i| [0, 1, 2].map(|c| value(3 * i + c))).collect();
+        mesh.sh = Some(FaceSh::new(degree, coefficients).unwrap());
+        let colors = view_colors(&mesh, camera.position()).unwrap();
+        let (ids, wants) = reference(&Mesh { colors, ..mesh.clone() }, &camera);
+        let plain = reference(&mesh, &camera).1;
+        assert!(plain.rgb.iter().zip(&wants.rgb).any(|(a, b)| off(*a, *b) > 20));
+        let model = card.upload(&asset(mesh)).unwrap();
+        let (got, _) = card.render(&model, &params(&camera)).unwrap();
+        assert_agrees(&format!("harmonics-{degree}"), &got, &ids, &wants);
     }
 }
 
