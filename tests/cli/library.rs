@@ -250,7 +250,7 @@ fn face_runs_as_documented() {
     let options = TrainOptions::default().steps(500).max_triangles(20_000).seed(1);
     assert_eq!((options.steps, options.max_triangles, options.seed), (500, 20_000, 1));
 
-    let soup = trisplat::read(sample("soups/studio.ply")).unwrap();
+    let soup = trisplat::read(sample("studio.ply")).unwrap();
     let baked = trisplat::bake(soup, &BakeOptions::fast()).unwrap();
     baked.write(at("mesh.glb")).unwrap();
     let scene = trisplat::read(at("mesh.glb")).unwrap();

@@ -1,7 +1,7 @@
 //! A bake job, from its inputs and options to files: photos, hardening, a limit on bytes, stages,
 //! report.
 
-use super::convenience::AnyScene;
+use super::any_scene::AnyScene;
 use super::event::{Observer, add, stages};
 use super::gaussians::{self, TrainingEffort};
 use super::harden::{self, Hardened};
@@ -356,5 +356,13 @@ impl BakeJob {
         let draws_teacher =
             self.photos.is_none() && self.options.teacher.teacher == TeacherWhen::Auto;
         if draws_teacher || self.harden.is_some() { 3 } else { 0 }
+    }
+}
+
+impl From<&Baked> for AnyScene {
+    /// The mesh of a bake, as a reader returns it.
+    fn from(baked: &Baked) -> Self {
+        let provenance = baked.asset.provenance.clone();
+        ImportedScene { provenance, ..ImportedScene::from(baked.asset.mesh.clone()) }.into()
     }
 }

@@ -7,6 +7,7 @@
 //!
 //! In: a request and options in layers. Out: a finished run with its report.
 
+mod any_scene;
 mod baking;
 mod convenience;
 mod evaluate;
@@ -27,8 +28,9 @@ mod size_limit;
 mod teacher;
 mod training;
 
+pub use any_scene::AnyScene;
 pub use baking::{BakeInput, BakeJob, Baked};
-pub use convenience::{AnyScene, Renderer, bake, read, read_bytes, score, write};
+pub use convenience::{Renderer, bake, read, read_bytes, score, write};
 pub use evaluate::{EvalJob, ReadyEval};
 pub use event::{Event, MakePart, Observer, TrainBegins, TrainPart};
 pub use extrapolation::{CoverageScores, DepthScores};
