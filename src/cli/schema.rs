@@ -9,8 +9,8 @@ use trisplat_bake::unseen::UnseenDetails;
 use trisplat_bake::{
     ArrangeDetails, BackdropDetails, BackgroundDetails, BakeOptions, ChunkDetails, ColorDetails,
     CropDetails, ExposureDetails, LitDetails, LodDetails, OrderDetails, PlaceDetails, PruneDetails,
-    ReshapeDetails, SidesDetails, SolidDetails, TeacherDetails, TextureDetails, TilesDetails,
-    ViewpointDetails, WeldDetails,
+    ReshapeDetails, ShDetails, SidesDetails, SolidDetails, TeacherDetails, TextureDetails,
+    TilesDetails, ViewpointDetails, WeldDetails,
 };
 use trisplat_dataset::Description;
 use trisplat_dataset::capture::{
@@ -135,6 +135,7 @@ fn report_schema() -> schemars::Schema {
         ReshapeDetails,
         SidesDetails,
         RefitDetails,
+        ShDetails,
         TextureDetails,
         LitDetails,
         WeldDetails,

@@ -16,6 +16,7 @@ mod levels;
 mod lit;
 mod make;
 mod renderers;
+mod sh;
 mod sky;
 mod textured;
 mod tiles;

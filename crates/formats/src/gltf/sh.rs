@@ -45,22 +45,29 @@ pub(crate) struct ShLayout {
 }
 
 impl ShLayout {
-    /// For the first `faces` triangles, in a picture that is about square.
+    /// For the first `faces` triangles, in the smallest picture whose sides are powers of two, which
+    /// every engine takes as it is.
     ///
     /// # Errors
     ///
     /// More triangles than a picture of 2048² holds.
     fn new(degree: u8, faces: usize) -> Result<Self> {
         let width = u32::from(degree + 1).pow(2);
-        let most = FaceSh::max_faces(degree);
-        let columns = (((faces as f64 / f64::from(width)).sqrt()).ceil() as u32)
-            .clamp(1, MAX_SH_PICTURE_SIDE / width);
-        let rows = faces.div_ceil(columns as usize).max(1);
-        if faces > most {
-            let wants = format!("at most {most} triangles, or a lower degree");
-            return Err(Error::invalid("sh", format!("{degree} of {faces} triangles"), wants));
-        }
-        Ok(Self { width, columns, size: UVec2::new(columns * width, rows as u32) })
+        let layout = |across: u32| {
+            let columns = across / width;
+            let rows = (faces.div_ceil(columns as usize).max(1) as u32).next_power_of_two();
+            Self { width, columns, size: UVec2::new(across, rows) }
+        };
+        let layouts = (width.next_power_of_two().ilog2()..=MAX_SH_PICTURE_SIDE.ilog2())
+            .map(|power| layout(1 << power))
+            .filter(|layout| layout.size.y <= MAX_SH_PICTURE_SIDE);
+        layouts
+            .min_by_key(|layout| (layout.size.element_product(), layout.size.max_element()))
+            .ok_or_else(|| {
+                let most = FaceSh::max_faces(degree);
+                let wants = format!("at most {most} triangles, or a lower degree");
+                Error::invalid("sh", format!("{degree} of {faces} triangles"), wants)
+            })
     }
 
     /// Texture coordinates of a face: the middle of its first texel.
