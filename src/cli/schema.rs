@@ -149,7 +149,7 @@ fn report_schema() -> schemars::Schema {
     );
     let mut schema = generator.into_root_schema_for::<Report>();
     if let Some(stage) = schema.pointer_mut("/$defs/StageReport").and_then(|s| s.as_object_mut()) {
-        stage.insert("oneOf".to_owned(), serde_json::json!(stages));
+        stage.insert("oneOf".to_owned(), serde_json::json!(Vec::from(stages)));
     }
     schema
 }
