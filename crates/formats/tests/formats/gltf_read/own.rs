@@ -331,7 +331,7 @@ fn a_backdrop_is_a_node_of_its_own_and_comes_back_last() {
     across.chunks = vec![Chunk { first: 0, count: 8 }, Chunk { first: 8, count: 1 }];
     let error =
         write_glb(&mut Vec::new(), Path::new("scene.glb"), &across, &GltfOptions::default());
-    assert!(error.is_err_and(|e| e.to_string().contains("part backdrop")));
+    assert!(error.is_err_and(|e| e.to_string().contains("both the scene and the backdrop")));
 }
 
 proptest! {
