@@ -92,10 +92,10 @@ pub struct ShDetails {
     /// λ: pull of view dependence to 0, equivalent to this many pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ridge: Option<f64>,
-    /// PSNR of plain colours on held-out photos, dB.
+    /// PSNR of plain colours that were fitted to the other photos on held-out photos, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_plain: Option<f64>,
-    /// PSNR on the same photos with harmonics that were fitted to the other photos, dB.
+    /// The same with harmonics that were fitted to the other photos, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_sh: Option<f64>,
 }
@@ -104,6 +104,8 @@ trisplat_scene::stage!(ShDetails, "sh");
 
 /// Candidates for λ, px: with many photos per triangle little pull is best, with few much.
 const RIDGES: [f64; 6] = [0.25, 1.0, 4.0, 16.0, 64.0, 256.0];
+/// A pull that leaves only the constant.
+const CONSTANT: Regularization = Regularization { degree: 1, ridge: 1e12 };
 /// λ where no photo can be held out.
 const CAREFUL_RIDGE: f64 = 16.0;
 /// Larger residuals, sRGB-encoded, count as this: highlights reach it, passers-by do not lead beyond.
@@ -174,6 +176,8 @@ pub fn sh(
         Regularization { degree: most, ridge: CAREFUL_RIDGE }
     } else {
         let best = best(&fitted, &unseen, degrees.iter().copied().filter(|degree| *degree <= most));
+        // The colours have seen the held-out photos: without them only the constant counts.
+        mesh.sh = Some(harmonics(&fitted, CONSTANT, mesh)?);
         let plain = views.mean_psnr(mesh, &held_out)?;
         mesh.sh = Some(harmonics(&fitted, best, mesh)?);
         let with = views.mean_psnr(mesh, &held_out)?;
