@@ -71,12 +71,12 @@
 //! # std::env::set_current_dir(folder.path())?;
 //! # let mesh = Mesh::from_triangles(&[[Vec3::NEG_X, Vec3::X, Vec3::Y]], &[[1.0, 0.5, 0.0]])?;
 //! # trisplat::bake(mesh, &BakeOptions::default())?.write("mesh.glb")?;
-//! # let (origin, direction) = (Vec3::new(0.0, 0.5, 4.0), Vec3::NEG_Z);
 //! let scene = trisplat::read("mesh.glb")?;
 //! let renderer = Renderer::new(&scene)?;
 //! for camera in Camera::orbit(&scene.bounds(), 12, 0.8, [640, 480]) {
 //!     let picture = renderer.draw(&camera)?;
 //! }
+//! # let (origin, direction) = (scene.bounds().center() + 4.0 * Vec3::Z, Vec3::NEG_Z);
 //! let hit: Option<trisplat::Hit> = scene.raycast(origin, direction);
 //! trisplat::write(&scene, "copy.ply")?;
 //! # assert!(hit.is_some() && trisplat::read("copy.ply")?.triangle_count() == scene.triangle_count());

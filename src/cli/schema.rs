@@ -70,7 +70,7 @@ impl SchemaName {
             SchemaName::Eval => schemars::schema_for!(EvalReport),
             SchemaName::Validate => schemars::schema_for!(Checked),
         };
-        let mut schema = schema.to_value();
+        let mut schema = serde_json::to_value(&schema).unwrap_or_default();
         unwrap_lines(&mut schema);
         let mut text = serde_json::to_string_pretty(&schema).unwrap_or_default();
         text.push('\n');
