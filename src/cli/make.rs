@@ -120,10 +120,10 @@ pub fn run(
     let budget = args.steps.is_none().then_some(args.budget);
     let mut terminal = Terminal::new(global, flags::command_of::<MakeArgs>("make"));
     let done = job.run(&mut |event| {
-        if let (Event::Part(part), Some(budget)) = (&event, budget) {
-            if let Some(text) = announced(*part, budget) {
-                terminal.line(&text);
-            }
+        if let (Event::Part(part), Some(budget)) = (&event, budget)
+            && let Some(text) = announced(*part, budget)
+        {
+            terminal.line(&text);
         }
         terminal.tell(event)
     })?;

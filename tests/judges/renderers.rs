@@ -118,7 +118,8 @@ fn f3d(job: &Job) -> Option<Vec<RgbImage>> {
     let background = BACKGROUND.map(|code| f32::from(code) / 255.0);
     let words =
         json!({ "file": file, "size": [size.x, size.y], "background": background, "views": views });
-    let done = runs_with(command.arg(here("tests/judges/f3d_views.py")), words.to_string().as_bytes());
+    let done =
+        runs_with(command.arg(here("tests/judges/f3d_views.py")), words.to_string().as_bytes());
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     Some(job.coarse("f3d"))
 }

@@ -153,8 +153,8 @@ impl PictureSums<'_> {
         if old != NO_FACE {
             let row = &self.rows[old as usize];
             row.add(COUNT, weight);
-            for channel in 0..3 {
-                row.add(RGB + channel, weight * target[channel]);
+            for (channel, value) in target.iter().enumerate() {
+                row.add(RGB + channel, weight * value);
             }
             row.add(ERROR, old_error);
             row.add(REMOVING, error(self.face_of(behind)) - old_error);

@@ -75,11 +75,10 @@ impl ShEquations {
             }
         }
         let mut out = self.matrices[face * packed(width)..][..packed(width)].iter_mut();
-        for i in 0..width {
+        let [a, b, c] = harmonics;
+        for (i, ((a, b), c)) in a.iter().zip(b).zip(c).take(width).enumerate() {
             for (j, sum) in (i..width).zip(&mut out) {
-                *sum += harmonics[0][i] * weighted[0][j]
-                    + harmonics[1][i] * weighted[1][j]
-                    + harmonics[2][i] * weighted[2][j];
+                *sum += a * weighted[0][j] + b * weighted[1][j] + c * weighted[2][j];
             }
         }
         for (j, sums_of_j) in self.rights[face * width..][..width].iter_mut().enumerate() {
@@ -175,9 +174,7 @@ impl FaceEquations<'_> {
                 if i == j {
                     sum += if i == 0 { DAMPING_PX } else { how.ridge };
                 }
-                for k in 0..j {
-                    sum -= lower[i][k] * lower[j][k];
-                }
+                sum -= (0..j).map(|k| lower[i][k] * lower[j][k]).sum::<f64>();
                 // Rounded sums of few pixels may be slightly indefinite.
                 lower[i][j] = if i == j { sum.max(1e-9).sqrt() } else { sum / lower[j][j] };
             }
@@ -192,8 +189,8 @@ impl FaceEquations<'_> {
                 let sum: f64 = (i + 1..width).map(|k| lower[k][i] * x[k]).sum();
                 x[i] = (x[i] - sum) / lower[i][i];
             }
-            for i in 0..width {
-                out[i][c] = x[i] as f32;
+            for (out, x) in out.iter_mut().zip(x) {
+                out[c] = x as f32;
             }
         }
         out

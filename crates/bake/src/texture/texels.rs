@@ -316,8 +316,8 @@ impl Page {
             ];
             let mut sum = [0.0f32; 4];
             for at in beside.into_iter().flatten().filter(|at| self.owned[*at]) {
-                for channel in 0..3 {
-                    sum[channel] += self.values[at][channel];
+                for (sum, value) in sum.iter_mut().zip(&self.values[at]) {
+                    *sum += value;
                 }
                 sum[3] += 1.0;
             }

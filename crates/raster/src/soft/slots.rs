@@ -80,10 +80,10 @@ pub(super) fn prefetch_ahead<T>(
             prefetch(&values[*entry as usize]);
         }
     }
-    if let Some(ahead) = projected.get(i + 3 * SLOTS_AHEAD) {
-        if let Some(entry) = tiles.entries_of_splat(ahead.rank).first() {
-            prefetch(entry);
-        }
+    if let Some(ahead) = projected.get(i + 3 * SLOTS_AHEAD)
+        && let Some(entry) = tiles.entries_of_splat(ahead.rank).first()
+    {
+        prefetch(entry);
     }
 }
 

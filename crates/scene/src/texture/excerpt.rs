@@ -237,8 +237,8 @@ fn copy_rectangles(
         let from = pages[usize::from(one.page)];
         let at =
             ((one.low.y + one.high.y) / 2 * from.size.x + (one.low.x + one.high.x) / 2) as usize;
-        for c in 0..3 {
-            sum[c] += one.area() * u64::from(from.rgb[at.min(from.rgb.len() - 1)][c]);
+        for (sum, code) in sum.iter_mut().zip(from.rgb[at.min(from.rgb.len() - 1)]) {
+            *sum += one.area() * u64::from(code);
         }
         texels += one.area();
     }
