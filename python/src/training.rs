@@ -107,9 +107,7 @@ impl Watcher {
     /// True when the callback asks to stop.
     fn tell(&self, py: Python<'_>, event: &Event<'_>) -> PyResult<bool> {
         py.check_signals()?;
-        let (Event::Step { part, sample, .. }, Some(callback)) =
-            (event, &self.callback)
-        else {
+        let (Event::Step { part, sample, .. }, Some(callback)) = (event, &self.callback) else {
             return Ok(false);
         };
         let mut step = serde_json::to_value(sample).unwrap_or_default();
