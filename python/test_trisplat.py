@@ -37,7 +37,7 @@ assert shapes == {
 }, shapes
 
 # A file and its arrays become the same mesh, and options are those of the library.
-options = dict(preset="fast", up="-y", max_triangles=500)
+options = dict(preset="fast", up="-y", backdrop="off", max_triangles=500)
 report = trisplat.bake(str(samples / "soups/studio.ply"), folder / "a.glb", target="godot", **options)
 assert report["options"]["prune"]["max_triangles"] == 500 and report["options"]["output"]["target"] == "godot"
 assert report["stages"][-1]["after"]["triangles"] == 500
@@ -47,12 +47,12 @@ written = trisplat.read(folder / "a.glb")
 mesh = trisplat.bake(soup, **options)
 assert mesh["faces"].shape == (500, 3) and mesh["faces"].dtype == np.uint32 and "opacity" not in mesh
 assert np.array_equal(written["positions"], mesh["positions"])
-grouped = trisplat.bake(soup, preset="fast", up="-y", prune={"max_triangles": 500})
+grouped = trisplat.bake(soup, preset="fast", up="-y", backdrop="off", prune={"max_triangles": 500})
 assert all(np.array_equal(mesh[key], grouped[key]) for key in mesh)
 
 # What is changed in the arrays is changed in the mesh; lists and doubles are arrays too; two scenes are merged.
 soup["opacity"][100:] = 0
-assert len(trisplat.bake(soup, preset="fast", up="-y")["faces"]) <= 100
+assert len(trisplat.bake(soup, preset="fast", up="-y", backdrop="off")["faces"]) <= 100
 corner = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
 white = trisplat.bake({"triangles": [corner]}, preset="fast", up="y")
 assert np.allclose(white["colors"], 1, atol=1e-4), white["colors"]
