@@ -6,6 +6,28 @@ use serde_json::Value;
 use std::path::Path;
 
 #[test]
+fn max_bytes_counts_view_dependent_colours() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("scene.glb");
+    let output = trisplat(&[
+        &"bake",
+        &sample("trained.ply"),
+        &"--dataset",
+        &dataset(),
+        &"--sh",
+        &"1",
+        &"--max-bytes",
+        &"300kB",
+        &"-o",
+        &out,
+    ]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let bytes = std::fs::read(&out).unwrap();
+    assert!((200_000..=300_000).contains(&bytes.len()), "{}", bytes.len());
+    assert!(bytes.windows(11).any(|word| word == b"trisplat_sh"));
+}
+
+#[test]
 fn files_take_no_more_bytes_than_they_may() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);

@@ -138,7 +138,10 @@ pub fn sh(
     }
     let refused = |why| match options.sh {
         ShDegree::Auto => Ok(Outcome::Skipped(why)),
-        _ => Err(Error::invalid("sh", format!("{} with {why}", degrees[0]), "0")),
+        _ => {
+            let wants = "0, or photos (`dataset`), no `texture` and no `lit`";
+            Err(Error::invalid("sh", format!("{} with {why}", degrees[0]), wants))
+        }
     };
     let Some(views) = views.filter(|views| !views.is_empty()) else {
         return refused("neither photos nor pictures of the scene");

@@ -8,8 +8,8 @@ use super::event::{Event, Observer, stages};
 use std::ops::ControlFlow::Continue;
 use trisplat_bake::refit::RefitColors;
 use trisplat_bake::{
-    BackgroundDetails, Bake, BakeOptions, BakeOutcome, ReshapeOptions, TeacherOptions, TextureWhen,
-    Views,
+    BackgroundDetails, Bake, BakeOptions, BakeOutcome, ReshapeOptions, ShOptions, TeacherOptions,
+    TextureWhen, Views,
 };
 use trisplat_formats::output::{self, Output};
 use trisplat_scene::report::Report;
@@ -165,6 +165,8 @@ fn size_probe_options(options: &BakeOptions) -> BakeOptions {
     probe.teacher = TeacherOptions::OFF;
     probe.reshape = ReshapeOptions::OFF;
     probe.refit.refit = RefitColors::Off;
+    // They need pictures; the bakes that decide have them.
+    probe.sh = ShOptions::DEFAULT;
     // The size of these files does not depend on the number of triangles.
     probe.collision.collision = false;
     probe.texture.texture = TextureWhen::Off;
