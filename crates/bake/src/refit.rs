@@ -30,7 +30,7 @@
 use crate::views::Views;
 pub(crate) use equations::{ColorFit, Equations};
 use photo_equations::Accumulator;
-pub(crate) use photo_equations::{Gatherer, HALF_COUPLED, PhotoObservation};
+pub(crate) use photo_equations::{Gatherer, PhotoObserver};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 pub(super) use shell_colors::smooth_shell;
@@ -197,7 +197,7 @@ pub fn refit(
     let used: Vec<usize> = (0..views.len()).filter(|v| !outliers.contains(v)).collect();
     for pass in 1..options.refit_passes {
         accumulator.fit.improve(which);
-        accumulator.coupling = 1.0;
+        accumulator.observer.coupling = 1.0;
         let progress = progress.part(end_of_pass(pass), end_of_pass(pass + 1));
         accumulator.add(mesh, views, &used, 1.0, progress)?;
     }

@@ -15,13 +15,13 @@
 
 mod equations;
 
-use crate::refit::{ColorFit, Gatherer, HALF_COUPLED, PhotoObservation};
-use crate::views::{SAMPLES, Views};
+use crate::refit::{ColorFit, Gatherer, PhotoObserver};
+use crate::views::Views;
 use equations::{Regularization, ShEquations};
-use trisplat_raster::solid::{SolidRasterizer, direction_basis};
+use trisplat_raster::solid::direction_basis;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Outcome, StageProgress};
-use trisplat_scene::{Error, FaceSh, Result};
+use trisplat_scene::{Error, FaceSh, Result, sh_count};
 
 /// The degree of the spherical harmonics.
 #[derive(
@@ -63,7 +63,7 @@ impl ShDegree {
     }
 }
 
-/// Whether colours depend on the direction.
+/// View-dependent colours.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
@@ -152,37 +152,29 @@ pub fn sh(
     if let Some(instead) = instead {
         return refused(instead);
     }
+    let fits = |degree: &u8| {
+        behind <= FaceSh::max_faces(*degree)
+            && 2 * equations::bytes(*degree, behind) <= MAX_EQUATION_BYTES
+    };
+    let degrees: Vec<u8> = degrees.iter().copied().filter(fits).collect();
+    let Some(&max_degree) = degrees.last() else {
+        return refused("too many triangles");
+    };
     mesh.sh = None;
-    let fits = |degree: &&u8| {
-        behind <= FaceSh::max_faces(**degree)
-            && 2 * equations::bytes(**degree, behind) <= MAX_EQUATION_BYTES
-    };
-    let Some(&most) = degrees.iter().rfind(fits) else {
-        return refused("so many triangles");
-    };
     let (held_out, others) = views.held_out();
     let mut sums = ShSums::new(mesh, views);
-    let count = views.len();
-    let mut parts = progress.part(0.0, SUMMED_PART);
-    let mut fitted = ShEquations::new(most, behind);
-    sums.add(
-        mesh,
-        views,
-        &others,
-        &mut fitted,
-        parts.part(0.0, others.len() as f64 / count as f64),
-    )?;
-    let mut unseen = ShEquations::new(most, behind);
-    let last = parts.part(others.len() as f64 / count as f64, 1.0);
-    sums.add(mesh, views, &held_out, &mut unseen, last)?;
-    let how = if held_out.is_empty() {
-        Regularization { degree: most, ridge: CAREFUL_RIDGE }
-    } else {
-        let best = best(&fitted, &unseen, degrees.iter().copied().filter(|degree| *degree <= most));
+    let split = SUMMED_PART * others.len() as f64 / views.len() as f64;
+    let mut fitted = ShEquations::new(max_degree, behind);
+    sums.add(mesh, views, &others, &mut fitted, progress.part(0.0, split))?;
+    let mut unseen = ShEquations::new(max_degree, behind);
+    sums.add(mesh, views, &held_out, &mut unseen, progress.part(split, SUMMED_PART))?;
+    let mut how = Regularization { degree: max_degree, ridge: CAREFUL_RIDGE };
+    if !held_out.is_empty() {
+        how = best(&fitted, &unseen, &degrees);
         // The colours have seen the held-out photos: without them only the constant counts.
         mesh.sh = Some(harmonics(&fitted, CONSTANT, mesh)?);
         let plain = views.mean_psnr(mesh, &held_out)?;
-        mesh.sh = Some(harmonics(&fitted, best, mesh)?);
+        mesh.sh = Some(harmonics(&fitted, how, mesh)?);
         let with = views.mean_psnr(mesh, &held_out)?;
         details.psnr_plain = Some(plain);
         details.psnr_sh = Some(with);
@@ -191,8 +183,7 @@ pub fn sh(
             mesh.sh = None;
             return Ok(Outcome::Skipped("held-out photos gain too little"));
         }
-        best
-    };
+    }
     fitted.merge(&unseen);
     mesh.sh = Some(harmonics(&fitted, how, mesh)?);
     details.degree = Some(how.degree);
@@ -201,13 +192,9 @@ pub fn sh(
 }
 
 /// The degree and λ that lower the error of the photos of `unseen` most.
-fn best(
-    fitted: &ShEquations,
-    unseen: &ShEquations,
-    degrees: impl Iterator<Item = u8>,
-) -> Regularization {
-    let candidates =
-        degrees.flat_map(|degree| RIDGES.map(|ridge| Regularization { degree, ridge }));
+fn best(fitted: &ShEquations, unseen: &ShEquations, degrees: &[u8]) -> Regularization {
+    let of_degree = |degree: &u8| RIDGES.map(|ridge| Regularization { degree: *degree, ridge });
+    let candidates = degrees.iter().flat_map(of_degree);
     let gains = candidates.map(|how| (how, unseen.gain(how.degree, &fitted.solve(how))));
     let best = gains.reduce(|best, other| if other.1 > best.1 { other } else { best });
     best.map_or(Regularization { degree: 1, ridge: CAREFUL_RIDGE }, |(how, _)| how)
@@ -216,27 +203,24 @@ fn best(
 /// The coefficients of all faces of `mesh`; those without equations have no view dependence.
 fn harmonics(sums: &ShEquations, how: Regularization, mesh: &Mesh) -> Result<FaceSh> {
     let mut coefficients = sums.solve(how);
-    let width = usize::from(how.degree + 1).pow(2);
+    let width = sh_count(how.degree);
     coefficients.resize(mesh.face_count() * width, [0.0; 3]);
     FaceSh::new(how.degree, coefficients)
 }
 
-/// Draws the scene from each photo's camera and sums up its residuals.
+/// Sums up the residuals of photos to the scene in its own colours.
 struct ShSums {
-    solid: SolidRasterizer,
+    observer: PhotoObserver,
     gatherer: Gatherer,
     colors: ColorFit,
-    /// See [`PhotoObservation::coupling`].
-    coupling: f32,
 }
 
 impl ShSums {
     fn new(mesh: &Mesh, views: &Views) -> Self {
         Self {
-            solid: SolidRasterizer::new(),
+            observer: PhotoObserver::new(mesh, views, MAX_RESIDUAL),
             gatherer: Gatherer::new(mesh.face_count()),
             colors: ColorFit::new(mesh, 0.0),
-            coupling: views.len() as f32 / (views.len() as f32 + HALF_COUPLED),
         }
     }
 
@@ -247,27 +231,14 @@ impl ShSums {
         views: &mut Views,
         chosen: &[usize],
         out: &mut ShEquations,
-        mut progress: StageProgress<'_>,
+        progress: StageProgress<'_>,
     ) -> Result<()> {
-        let drawing = views.drawing(mesh, SAMPLES);
+        let Self { observer, gatherer, colors } = self;
         let faces = out.face_count();
         let degree = out.degree();
-        views.prefetch(chosen);
-        for (done, &view) in chosen.iter().enumerate() {
-            progress.set(done, chosen.len());
-            let photo = views.photo(view)?;
-            let camera = views.camera(view);
-            let observation = PhotoObservation {
-                mesh,
-                camera,
-                photo: &photo,
-                visibility: self.solid.visibility(mesh, camera, &drawing),
-                background: drawing.background,
-                coupling: self.coupling,
-                max_residual: MAX_RESIDUAL,
-            };
-            let eye = camera.position();
-            self.gatherer.for_each_face(&observation, &self.colors, |face, sums| {
+        observer.for_each_photo(mesh, views, chosen, progress, |_, observation| {
+            let eye = observation.camera.position();
+            gatherer.for_each_face(observation, colors, |face, sums| {
                 let face = face as usize;
                 if face < faces {
                     let corners = mesh.corners(face);
@@ -275,7 +246,6 @@ impl ShSums {
                     out.add(face, &harmonics, sums);
                 }
             });
-        }
-        Ok(())
+        })
     }
 }

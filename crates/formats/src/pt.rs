@@ -38,7 +38,7 @@ use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{
-    Error, ImportedScene, Limits, Provenance, Result, Scene, Soup, input, rgb_from_sh0,
+    Error, ImportedScene, Limits, Provenance, Result, Scene, Soup, input, rgb_from_sh0, sh_count,
 };
 
 /// Largest `data.pkl` to parse. Real ones hold a few names and shapes (under 2 KiB). Every byte can
@@ -127,7 +127,7 @@ fn read_sh(file: &TorchFile, n: usize, max_degree: u8) -> Result<(Vec<[f32; 3]>,
         return Ok((dc, 0));
     }
     let rest: Vec<[f32; 3]> = file.values("features_rest", DType::F32, &[&[n, stored, 3]])?;
-    let used = (degree as usize + 1).pow(2) - 1;
+    let used = sh_count(degree) - 1;
     let mut sh = Vec::new();
     file.limits.reserve(file.label.display(), &mut sh, n * (used + 1))?;
     for (dc, rest) in dc.iter().zip(rest.chunks_exact(stored)) {

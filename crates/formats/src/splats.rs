@@ -9,7 +9,7 @@ use glam::{DVec3, Quat, Vec3};
 use std::io::Read;
 use std::path::Path;
 use trisplat_scene::report::counted;
-use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, SH_C0, Splats};
+use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, SH_C0, Splats, sh_count};
 
 pub(crate) mod cameras;
 pub(crate) mod sog;
@@ -18,7 +18,7 @@ pub(crate) mod spz;
 /// As many Gaussians of zeros.
 pub(crate) fn zeroed(path: &Path, count: usize, sh_degree: u8, limits: &Limits) -> Result<Splats> {
     limits.vertices(path.display(), count as u64)?;
-    let coefficients = count.saturating_mul((usize::from(sh_degree) + 1).pow(2));
+    let coefficients = count.saturating_mul(sh_count(sh_degree));
     Ok(Splats {
         positions: limits.zeroed(path.display(), count)?,
         scales: limits.zeroed(path.display(), count)?,

@@ -8,17 +8,13 @@ pub mod splat;
 mod ssim;
 pub mod window;
 
-use trisplat_scene::math::wgsl::{self, constant, constants};
+use trisplat_scene::math::wgsl::{self, constant};
 
 /// The functions in WGSL, those of [`wgsl::library`], and all constants they need.
 pub fn wgsl_library() -> String {
     let mut out = wgsl::library();
     constant(&mut out, "RATIO_FLOOR", window::RATIO_FLOOR);
     constant(&mut out, "MIN_COVERAGE", normal::MIN_COVERAGE);
-    constant(&mut out, "SH_C0", sh::SH_C0);
-    constant(&mut out, "SH_C1", sh::SH_C1);
-    constants(&mut out, "SH_C2", &sh::SH_C2);
-    constants(&mut out, "SH_C3", &sh::SH_C3);
     constant(&mut out, "BETA1", BETA1);
     constant(&mut out, "BETA2", BETA2);
     constant(&mut out, "EPS", EPS);
@@ -27,13 +23,12 @@ pub fn wgsl_library() -> String {
         include_str!("kernel/composite.wgsl"),
         include_str!("kernel/splat.wgsl"),
         include_str!("kernel/clip.wgsl"),
-        include_str!("kernel/sh.wgsl"),
         include_str!("kernel/adam.wgsl"),
         include_str!("kernel/loss.wgsl"),
     ] {
         out += part;
     }
-    out
+    out + &sh::wgsl()
 }
 
 // ---- Adam (Kingma and Ba 2015) as 3DGS runs it: eps 1e-15, one rate per group, betas 0.9 and 0.999

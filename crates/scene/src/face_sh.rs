@@ -1,6 +1,7 @@
 //! View-dependent colours: real spherical harmonics of every face.
 
 use crate::error::{Error, Result};
+use crate::soup::sh_count;
 
 /// Largest degree of the harmonics.
 pub const MAX_SH_DEGREE: u8 = 3;
@@ -21,8 +22,8 @@ pub const MAX_SH_PICTURE_SIDE: u32 = 2048;
 impl FaceSh {
     /// The number of triangles of a file, by the texels that each takes.
     pub const fn max_faces(degree: u8) -> usize {
-        let width = (degree as u32 + 1).pow(2);
-        (MAX_SH_PICTURE_SIDE / width * MAX_SH_PICTURE_SIDE) as usize
+        let side = MAX_SH_PICTURE_SIDE as usize;
+        side / sh_count(degree) * side
     }
 
     /// `coefficients` has (`degree` + 1)² entries per face. `[F * (degree + 1)²]`
@@ -47,8 +48,7 @@ impl FaceSh {
 
     /// Faces without view dependence.
     fn zeros(degree: u8, faces: usize) -> Self {
-        let width = usize::from(degree + 1).pow(2);
-        Self { degree, coefficients: vec![[0.0; 3]; faces * width] }
+        Self { degree, coefficients: vec![[0.0; 3]; faces * sh_count(degree)] }
     }
 
     /// Degree of the harmonics, 1 to 3.
@@ -58,7 +58,7 @@ impl FaceSh {
 
     /// Coefficients per face.
     pub fn width(&self) -> usize {
-        usize::from(self.degree + 1).pow(2)
+        sh_count(self.degree)
     }
 
     /// Number of faces.
@@ -77,7 +77,7 @@ impl FaceSh {
         &self.coefficients
     }
 
-    /// The same faces with other coefficients, of which `change` gets one face at a time.
+    /// Changes the coefficients, one face at a time.
     pub fn map_faces(&mut self, change: impl Fn(&mut [[f32; 3]])) {
         let width = self.width();
         for face in self.coefficients.chunks_mut(width) {
@@ -85,13 +85,13 @@ impl FaceSh {
         }
     }
 
-    /// Those of some faces, in this order.
+    /// The coefficients of some faces, in this order.
     pub(crate) fn of_faces(&self, faces: &[u32]) -> Self {
         let of = |face: &u32| self.face(*face as usize).iter().copied();
         Self { degree: self.degree, coefficients: faces.iter().flat_map(of).collect() }
     }
 
-    /// Appends those of `faces` more faces, which have no view dependence where `other` is `None`.
+    /// Appends the coefficients of `faces` more faces: zeros where `other` is `None`.
     fn append(&mut self, other: Option<&Self>, faces: usize) {
         let none = Self::zeros(self.degree, faces);
         let other = other.unwrap_or(&none);
@@ -115,8 +115,8 @@ impl FaceSh {
         }
     }
 
-    /// Those of `faces` faces, of which some ranges have harmonics, each from its first face on; `None`
-    /// without ranges.
+    /// The coefficients of `faces` faces. Ranges start at the face beside them, the other faces have
+    /// zeros. `None` without ranges.
     pub fn of_ranges(ranges: Vec<(usize, FaceSh)>, faces: usize) -> Option<FaceSh> {
         let degree = ranges.iter().map(|(_, sh)| sh.degree).max()?;
         let mut all = Self::zeros(degree, faces);
@@ -129,7 +129,7 @@ impl FaceSh {
         Some(all)
     }
 
-    /// Those of `first` faces followed by those of `second` faces, if any of them has some.
+    /// The coefficients of `first`, a number of faces, followed by `second`; `None` if neither has any.
     pub(crate) fn joined(
         first: (Option<FaceSh>, usize),
         second: (Option<&FaceSh>, usize),
@@ -146,8 +146,7 @@ mod tests {
     use super::*;
 
     fn sh(degree: u8, faces: usize) -> FaceSh {
-        let width = usize::from(degree + 1).pow(2);
-        let values = (0..faces * width).map(|i| [i as f32, 0.5, -1.0]).collect();
+        let values = (0..faces * sh_count(degree)).map(|i| [i as f32, 0.5, -1.0]).collect();
         FaceSh::new(degree, values).unwrap()
     }
 

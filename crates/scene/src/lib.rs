@@ -47,6 +47,6 @@ pub use raycast::{Hit, RayTree};
 pub use region::Region;
 pub use rng::Rng;
 pub use scene::{ImportedScene, Scene};
-pub use soup::{SH_C0, Soup, rgb_from_sh0, sh0_from_rgb};
+pub use soup::{SH_C0, Soup, rgb_from_sh0, sh_count, sh0_from_rgb};
 pub use splats::{ScreenFilter, Splats};
 pub use texture::{FaceTexture, StoredPicture, Texture, pack_rectangles};

@@ -5,6 +5,11 @@ use crate::math::lists::{all_finite, all_in_unit, all_positive};
 use crate::parallel::{self, GRAIN};
 use glam::Vec3;
 
+/// Coefficients of spherical harmonics up to `degree`: (degree + 1)².
+pub const fn sh_count(degree: u8) -> usize {
+    (degree as usize + 1).pow(2)
+}
+
 /// The SH degree 0 basis function, 1 / (2 sqrt(pi)), in eight digits: one unit in the last place
 /// below the kernels' constant in f32, and part of the bits of every baked colour.
 pub const SH_C0: f32 = 0.282_094_79;
@@ -40,7 +45,7 @@ impl Soup {
 
     /// Coefficients per triangle: K = (degree + 1)^2.
     pub fn sh_count(&self) -> usize {
-        (self.sh_degree as usize + 1).pow(2)
+        sh_count(self.sh_degree)
     }
 
     /// sRGB-encoded colour of SH degree 0, not clamped.
@@ -118,7 +123,7 @@ impl Soup {
             return;
         }
         let from = self.sh_count();
-        let to = (degree as usize + 1).pow(2);
+        let to = sh_count(degree);
         for i in 0..self.len() {
             self.sh.copy_within(i * from..i * from + to, i * to);
         }

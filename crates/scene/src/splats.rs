@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::math::lists::{all_finite, all_in_unit};
-use crate::soup::{Soup, keep_rows, rgb_from_sh0};
+use crate::soup::{Soup, keep_rows, rgb_from_sh0, sh_count};
 use glam::{Quat, Vec3};
 
 /// Standard deviations from a Gaussian's middle to the corners of its triangle: the triangle then
@@ -66,7 +66,7 @@ impl Splats {
 
     /// Coefficients per Gaussian: K = (degree + 1)^2.
     pub fn sh_count(&self) -> usize {
-        (self.sh_degree as usize + 1).pow(2)
+        sh_count(self.sh_degree)
     }
 
     /// sRGB-encoded colour of SH degree 0, not clamped.

@@ -22,7 +22,7 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use trisplat_scene::atomic::{AtomicFile, folder_of};
 use trisplat_scene::input::{self, guarded};
-use trisplat_scene::{Error, Limits, Result, SceneNormalization};
+use trisplat_scene::{Error, Limits, Result, SceneNormalization, sh_count};
 use xxhash_rust::xxh3::Xxh3Default;
 
 /// Number of the layout; it changes whenever a key or an array does.
@@ -315,7 +315,7 @@ impl Arrays<'_> {
 
     /// Parameters of `n` triangles.
     fn params(&self, prefix: &str, n: usize, sh_degree: u8) -> Result<Params> {
-        let k = (usize::from(sh_degree) + 1).pow(2);
+        let k = sh_count(sh_degree);
         Ok(Params {
             vertices: self.array(&format!("{prefix}.vertices"), n)?,
             opacity: self.array(&format!("{prefix}.opacity"), n)?,

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use trisplat_raster::kernel::window::mean_window;
 use trisplat_scene::Soup;
 use trisplat_scene::math::geometry::centroid;
+use trisplat_scene::sh_count;
 
 /// The lowest σ the activation gives before the anneal (`0.01 + exp(x)` in the paper's code).
 pub(crate) const SIGMA_MIN: f32 = 0.01;
@@ -115,13 +116,13 @@ impl Params {
 
     /// Coefficients stored per triangle.
     pub fn sh_count(&self) -> usize {
-        (usize::from(self.sh_degree) + 1).pow(2)
+        sh_count(self.sh_degree)
     }
 
     /// Raw parameters of a soup, its SH padded with zeros to `sh_degree`.
     pub fn from_soup(soup: &Soup, sh_degree: u8) -> Self {
         let from = soup.sh_count();
-        let to = (usize::from(sh_degree) + 1).pow(2);
+        let to = sh_count(sh_degree);
         let mut sh = vec![[0.0; 3]; soup.len() * to];
         for (i, row) in sh.chunks_exact_mut(to).enumerate() {
             let kept = from.min(to);

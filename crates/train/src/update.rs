@@ -6,6 +6,7 @@ use glam::Vec3;
 use trisplat_raster::kernel::{Rate, adam};
 use trisplat_raster::soft::SoupGrad;
 use trisplat_scene::parallel;
+use trisplat_scene::sh_count;
 
 /// Triangles per parallel job.
 const CHUNK: usize = 512;
@@ -89,7 +90,7 @@ pub(crate) fn update(
         k,
         pinned: state.pinned,
         frozen: state.frozen,
-        used: (usize::from(rates.sh_degree.min(state.params.sh_degree)) + 1).pow(2),
+        used: sh_count(rates.sh_degree.min(state.params.sh_degree)),
         rates,
         regularisers,
         max_size: max_size(state.params.len()),

@@ -1,6 +1,6 @@
 // Draws triangles as an engine does: opaque, perspective-correct colours in linear light.
 //
-// One vertex stage per kind of corner (view/model.rs).
+// One vertex stage per kind of corner (view/model.rs). `sh_basis` is that of kernel/sh.wgsl.
 
 struct Frame {
     clip: mat4x4<f32>, // world to clip space: x right, y up, w = depth, z = near
@@ -30,32 +30,16 @@ fn corner_color(@location(0) position: vec3<f32>, @location(1) root: vec4<f32>) 
     return Smooth(frame.clip * vec4<f32>(position, 1.0), root.rgb * root.rgb);
 }
 
-// As kernel/sh.rs, which has the names of the constants.
-fn sh_basis(d: vec3<f32>) -> array<f32, 16> {
-    let x = d.x;
-    let y = d.y;
-    let z = d.z;
-    let xx = x * x;
-    let yy = y * y;
-    let zz = z * z;
-    return array<f32, 16>(
-        0.28209479, -0.48860251 * y, 0.48860251 * z, -0.48860251 * x,
-        1.09254843 * x * y, -1.09254843 * y * z, 0.31539157 * (2.0 * zz - xx - yy), -1.09254843 * x * z, 0.54627422 * (xx - yy),
-        -0.59004359 * y * (3.0 * xx - yy), 2.89061144 * x * y * z, -0.45704580 * y * (4.0 * zz - xx - yy),
-        0.37317633 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy), -0.45704580 * x * (4.0 * zz - xx - yy), 1.44530572 * z * (xx - yy),
-        -0.59004359 * x * (xx - 3.0 * yy),
-    );
-}
-
 @vertex
 fn harmonic_color(
     @builtin(vertex_index) vertex: u32,
     @location(0) position: vec3<f32>,
     @location(1) root: vec4<f32>,
 ) -> Smooth {
-    let width = u32((frame.eye.w + 1.0) * (frame.eye.w + 1.0));
+    let degree = u32(frame.eye.w);
+    let width = (degree + 1u) * (degree + 1u);
     let first = vertex / 3u * width * 3u;
-    var basis = sh_basis(normalize(position - frame.eye.xyz));
+    var basis = sh_basis(degree, normalize(position - frame.eye.xyz));
     var code = srgb_from_linear(root.rgb * root.rgb);
     for (var j = 0u; j < width; j++) {
         let at = first + 3u * j;

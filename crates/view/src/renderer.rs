@@ -7,6 +7,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec4, Mat4, UVec2};
 use std::collections::HashMap;
 use trisplat_gpu::{AdapterOptions, Gpu, readback};
+use trisplat_raster::kernel::sh;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::linear_from_srgb;
@@ -137,7 +138,7 @@ pub(crate) struct AssetRenderer {
 impl AssetRenderer {
     /// A renderer on `gpu`; all calls must pass the same `gpu`.
     pub(crate) fn new(gpu: &Gpu) -> Result<Self> {
-        let source = ShaderSource::Wgsl(include_str!("pass_mesh.wgsl").into());
+        let source = ShaderSource::Wgsl((sh::wgsl() + include_str!("pass_mesh.wgsl")).into());
         let shader = gpu
             .device
             .create_shader_module(ShaderModuleDescriptor { label: Some("pass_mesh"), source });
@@ -348,7 +349,7 @@ fn vertex_buffer(is_textured: bool) -> VertexBufferLayout<'static> {
     }
 }
 
-/// What the shader knows of a frame.
+/// Numbers of a frame for the shader.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct FrameUniforms {

@@ -43,15 +43,9 @@ impl Recipe<'_> {
         } else {
             is_lit.then_some("normals for lights")
         };
-        let (mesh, _) = self.report.long_stage(
-            self.observer,
-            mesh,
-            Mesh::counts,
-            |mesh, details, progress| {
-                sh(mesh, scene_faces, views, instead, options, details, progress)
-            },
-        )?;
-        Ok(mesh)
+        self.long_stage(mesh, Mesh::counts, |mesh, details, progress| {
+            sh(mesh, scene_faces, views, instead, options, details, progress)
+        })
     }
 
     /// On fitted colours: texels store differences from them.

@@ -40,20 +40,15 @@ impl Recipe<'_> {
         merge(self.of_one_kind(inputs)?)
     }
 
-    /// A mesh keeps its texture unless photos decide colours: then its faces get the
-    /// mean of their texels first.
+    /// A mesh keeps its texture and its harmonics unless photos decide colours: then its faces get
+    /// the mean of their texels first.
     fn untextured(&mut self, mut loaded: ImportedScene, has_photos: bool) -> ImportedScene {
-        if let Scene::Mesh(mesh) = &mut loaded.scene
-            && has_photos
-        {
-            // They belong to the colours that photos replace.
-            mesh.sh = None;
+        let Scene::Mesh(mesh) = &mut loaded.scene else { return loaded };
+        if !has_photos {
+            return loaded;
         }
-        if let Scene::Mesh(mesh) = &mut loaded.scene
-            && has_photos
-            && mesh.drop_texture()
-            && !self.options.texture.is_wanted()
-        {
+        mesh.sh = None;
+        if mesh.drop_texture() && !self.options.texture.is_wanted() {
             let warning = "the texture of the input became one colour per triangle, because photos decide colours: give `texture` for a new one";
             self.report.warnings.push(warning.to_owned());
         }

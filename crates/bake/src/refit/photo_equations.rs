@@ -262,21 +262,73 @@ fn coupled(
     (residual, beyond)
 }
 
-// ---- Adds photos to a fit -----------------------------------------------------------------------
+// ---- The scene as each photo sees it, and photos added to a fit ---------------------------------
 
 /// Number of photos at which the first pass is half coupled. Coupled neighbours share the residual
 /// of their pixel. With many photos this is sharper. With few photos one triangle corrects the
 /// error of another, which looks wrong from other places.
-pub(crate) const HALF_COUPLED: f32 = 40.0;
+const HALF_COUPLED: f32 = 40.0;
 
-/// Renders the scene from each photo's camera, and adds the photo's pixels to the normal equations.
-pub(super) struct Accumulator {
+/// Renders the scene from the camera of each photo.
+pub(crate) struct PhotoObserver {
     solid: SolidRasterizer,
     drawing: SolidRasterOptions,
-    gatherer: Gatherer,
-    pub(super) fit: ColorFit,
+    /// See [`PhotoObservation::max_residual`].
+    max_residual: f32,
     /// See [`PhotoObservation::coupling`].
     pub(super) coupling: f32,
+}
+
+impl PhotoObserver {
+    /// For photos of `views`, coupled as the first pass is.
+    pub(crate) fn new(mesh: &Mesh, views: &Views, max_residual: f32) -> Self {
+        Self {
+            solid: SolidRasterizer::new(),
+            drawing: views.drawing(mesh, SAMPLES),
+            max_residual,
+            coupling: views.len() as f32 / (views.len() as f32 + HALF_COUPLED),
+        }
+    }
+
+    /// Gives `on_photo` the photos `chosen`, by number and in their order.
+    ///
+    /// # Errors
+    ///
+    /// A photo that cannot be decoded.
+    pub(crate) fn for_each_photo(
+        &mut self,
+        mesh: &Mesh,
+        views: &mut Views,
+        chosen: &[usize],
+        mut progress: StageProgress<'_>,
+        mut on_photo: impl FnMut(usize, &PhotoObservation<'_>),
+    ) -> Result<()> {
+        views.prefetch(chosen);
+        for (done, &view) in chosen.iter().enumerate() {
+            progress.set(done, chosen.len());
+            let photo = views.photo(view)?;
+            let camera = views.camera(view);
+            let visibility = self.solid.visibility(mesh, camera, &self.drawing);
+            let observation = PhotoObservation {
+                mesh,
+                camera,
+                photo: &photo,
+                visibility,
+                background: self.drawing.background,
+                coupling: self.coupling,
+                max_residual: self.max_residual,
+            };
+            on_photo(view, &observation);
+        }
+        Ok(())
+    }
+}
+
+/// Adds the pixels of photos to the normal equations of the colours.
+pub(super) struct Accumulator {
+    pub(super) observer: PhotoObserver,
+    gatherer: Gatherer,
+    pub(super) fit: ColorFit,
     /// Mean error of each photo when it was last added, sRGB-encoded.
     pub(super) errors: Vec<[f32; 3]>,
 }
@@ -285,11 +337,9 @@ impl Accumulator {
     /// Nothing added yet. `flatness` is λ, px.
     pub(super) fn new(mesh: &Mesh, views: &Views, flatness: f32) -> Self {
         Self {
-            solid: SolidRasterizer::new(),
-            drawing: views.drawing(mesh, SAMPLES),
+            observer: PhotoObserver::new(mesh, views, MAX_RESIDUAL),
             gatherer: Gatherer::new(mesh.face_count()),
             fit: ColorFit::new(mesh, flatness),
-            coupling: views.len() as f32 / (views.len() as f32 + HALF_COUPLED),
             errors: vec![[0.0; 3]; views.len()],
         }
     }
@@ -302,26 +352,11 @@ impl Accumulator {
         views: &mut Views,
         chosen: &[usize],
         sign: f32,
-        mut progress: StageProgress<'_>,
+        progress: StageProgress<'_>,
     ) -> Result<()> {
-        views.prefetch(chosen);
-        for (done, &view) in chosen.iter().enumerate() {
-            progress.set(done, chosen.len());
-            let photo = views.photo(view)?;
-            let camera = views.camera(view);
-            let visibility = self.solid.visibility(mesh, camera, &self.drawing);
-            let background = self.drawing.background;
-            let seen = PhotoObservation {
-                mesh,
-                camera,
-                photo: &photo,
-                visibility,
-                background,
-                coupling: self.coupling,
-                max_residual: MAX_RESIDUAL,
-            };
-            self.errors[view] = self.gatherer.gather(&seen, &mut self.fit, sign);
-        }
-        Ok(())
+        let Self { observer, gatherer, fit, errors } = self;
+        observer.for_each_photo(mesh, views, chosen, progress, |view, observation| {
+            errors[view] = gatherer.gather(observation, fit, sign);
+        })
     }
 }

@@ -8,14 +8,14 @@
 use crate::refit::Equations;
 use rayon::prelude::*;
 use trisplat_raster::kernel::sh::MAX_COEFFICIENTS;
-use trisplat_scene::MAX_SH_DEGREE;
+use trisplat_scene::sh_count;
 
 /// Pull of the coefficient of degree 0 to 0, px: it only keeps the equations solvable.
 const DAMPING_PX: f64 = 0.02;
 /// Faces per task of the thread pool.
 const TASK_FACES: usize = 1 << 10;
 
-/// How the equations are solved.
+/// Degree and pull of a solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Regularization {
     /// Degree of the harmonics.
@@ -27,6 +27,8 @@ pub(super) struct Regularization {
 /// The equations of all faces, of some photos.
 #[derive(Debug, Clone)]
 pub(super) struct ShEquations {
+    /// Largest degree of the harmonics.
+    degree: u8,
     /// Coefficients per face.
     width: usize,
     /// Upper triangles of Σ y yᵀ, px. `[F * width (width + 1) / 2]`
@@ -42,15 +44,16 @@ fn packed(width: usize) -> usize {
 
 /// Bytes of the equations of `faces` up to `degree`.
 pub(super) fn bytes(degree: u8, faces: usize) -> u64 {
-    let width = usize::from(degree + 1).pow(2);
+    let width = sh_count(degree);
     ((packed(width) + 3 * width) * size_of::<f32>() * faces) as u64
 }
 
 impl ShEquations {
     /// Empty sums up to `degree`.
     pub(super) fn new(degree: u8, faces: usize) -> Self {
-        let width = usize::from(degree + 1).pow(2);
+        let width = sh_count(degree);
         Self {
+            degree,
             width,
             matrices: vec![0.0; faces * packed(width)],
             rights: vec![[0.0; 3]; faces * width],
@@ -115,12 +118,12 @@ impl ShEquations {
 
     /// Largest degree of the harmonics.
     pub(super) fn degree(&self) -> u8 {
-        (1..=MAX_SH_DEGREE).find(|l| usize::from(l + 1).pow(2) == self.width).unwrap_or(0)
+        self.degree
     }
 
     /// Coefficients of all faces. `[F * (degree + 1)²][channel]`
     pub(super) fn solve(&self, how: Regularization) -> Vec<[f32; 3]> {
-        let width = usize::from(how.degree + 1).pow(2);
+        let width = sh_count(how.degree);
         let mut solved = vec![[0.0; 3]; self.face_count() * width];
         solved.par_chunks_mut(TASK_FACES * width).enumerate().for_each(|(task, faces)| {
             for (i, out) in faces.chunks_mut(width).enumerate() {
@@ -134,7 +137,7 @@ impl ShEquations {
     /// By how much these coefficients lower the sum of squared residuals of the photos of `self`, px.
     /// `[F * (degree + 1)²][channel]`
     pub(super) fn gain(&self, degree: u8, coefficients: &[[f32; 3]]) -> f64 {
-        let width = usize::from(degree + 1).pow(2);
+        let width = sh_count(degree);
         let of_task = |(task, faces): (usize, &[[f32; 3]])| -> f64 {
             let of_face = |(i, own)| self.face(task * TASK_FACES + i).gain(own);
             faces.chunks(width).enumerate().map(of_face).sum()
@@ -162,7 +165,7 @@ impl FaceEquations<'_> {
     /// Solves by Cholesky factors. Harmonics of a lower degree are the first ones, so their equations
     /// are the first rows and columns.
     fn solve(&self, how: Regularization) -> [[f32; 3]; MAX_COEFFICIENTS] {
-        let width = usize::from(how.degree + 1).pow(2);
+        let width = sh_count(how.degree);
         let mut out = [[0.0; 3]; MAX_COEFFICIENTS];
         if self.matrix[0] <= 0.0 {
             return out;

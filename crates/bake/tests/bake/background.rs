@@ -6,12 +6,12 @@ use glam::Vec3;
 use trisplat_bake::{
     BackgroundDetails, BackgroundFrom, BackgroundOptions, BakeOptions, BakePreset,
 };
-use trisplat_fixtures::soups::{ball, colored, distant_cameras, shards};
+use trisplat_fixtures::soups::{ball, cameras_between, colored, distant_cameras, shards};
 use trisplat_raster::{
     soft::SoftOptions,
     solid::{SolidRasterOptions, SolidRasterizer},
 };
-use trisplat_scene::{Asset, ImportedScene, Soup, camera::Camera, math::metric};
+use trisplat_scene::{Asset, ImportedScene, Soup, math::metric};
 use trisplat_teacher::{ObjectBackground, Teacher};
 
 const BLACK: [f32; 3] = [0.0; 3];
@@ -36,15 +36,6 @@ fn baked(
     (asset, report.details(), skipped(&report, "background").map(str::to_owned))
 }
 
-/// Cameras between those of the scene.
-fn between() -> impl Iterator<Item = Camera> {
-    (0..15_u8).map(|i| {
-        let angle = f32::from(i) * 0.4 + 0.2;
-        let eye = Vec3::new(angle.sin(), 0.1, angle.cos()) * 5.0;
-        distant_cameras()[0].with_look_at(eye, Vec3::ZERO, Vec3::NEG_Y)
-    })
-}
-
 /// A baked scene over a colour, against the soft `object` alone over that colour, from between the
 /// cameras: PSNR, dB, and the share of the pixels beside the object that do not show the colour.
 fn over(asset: &Asset, object: &Soup, background: [f32; 3]) -> (f64, f64) {
@@ -56,7 +47,7 @@ fn over(asset: &Asset, object: &Soup, background: [f32; 3]) -> (f64, f64) {
     let mut psnr = 0.0;
     let mut beside = 0;
     let mut shards = 0;
-    for camera in between() {
+    for camera in cameras_between() {
         let solid = SolidRasterizer::new().render(&asset.mesh, &camera, &drawing);
         psnr += metric::psnr(&own.picture(&camera).rgb, &solid.rgb, None) / 15.0;
         // The background shows through where the object is not.

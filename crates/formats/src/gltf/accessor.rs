@@ -16,7 +16,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use trisplat_scene::atlas::{self, PaintedFaces};
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::{Error, FaceSh, Limits, Result, Texture};
+use trisplat_scene::{Error, FaceSh, Limits, Result, Texture, sh_count};
 
 /// Maximum number of decompressed views kept for the next accessor: positions, colours and indices
 /// of a mesh.
@@ -444,7 +444,7 @@ pub(crate) fn harmonics(
         Ok(texture) => texture,
         Err(e) => return Ok(Err(e.to_string())),
     };
-    accessors.buffers.spend(12 * (faces as u64) * u64::from(extras.degree + 1).pow(2))?;
+    accessors.buffers.spend(12 * (faces as u64) * sh_count(extras.degree) as u64)?;
     let mut coefficients = Vec::new();
     for [first, ..] in &painted.uvs {
         let found = sh::coefficients(extras, texture.picture(), *first, &mut coefficients);

@@ -299,7 +299,7 @@ pub(crate) struct GltfContent<'a> {
     pub(crate) bin_bytes: u64,
     /// The pages of the texture, behind the streams, when there is one.
     pub(crate) pictures: Vec<EmbeddedPicture>,
-    /// How to read the only picture, if it holds spherical harmonics.
+    /// Degree and scales of the only picture, if it holds spherical harmonics.
     pub(crate) sh: Option<ShExtras>,
 }
 
@@ -324,23 +324,16 @@ impl<'a> GltfContent<'a> {
                 all_streams(&parts).map(|(part, stream)| part.bytes(stream, options)),
             ),
         };
+        let pages = asset.mesh.texture.iter().flat_map(|texture| &texture.pages);
+        let pages = pages.map(|page| options.texture.bytes(page.picture()));
         let mut pictures = Vec::new();
-        for page in asset.mesh.texture.iter().flat_map(|texture| &texture.pages) {
-            let bytes = options.texture.bytes(page.picture())?;
+        for bytes in pages.chain(sh.iter().map(|sh| sh.picture.to_png())) {
+            let bytes = bytes?;
             let start = bin_bytes.next_multiple_of(4);
             bin_bytes = start + bytes.len() as u64;
             pictures.push(EmbeddedPicture { start, bytes });
         }
-        let sh = match sh {
-            Some(StoredSh { extras, picture, .. }) => {
-                let bytes = picture.to_png()?;
-                let start = bin_bytes.next_multiple_of(4);
-                bin_bytes = start + bytes.len() as u64;
-                pictures.push(EmbeddedPicture { start, bytes });
-                Some(extras)
-            }
-            None => None,
-        };
+        let sh = sh.map(|sh| sh.extras);
         Ok(Self { asset, options, parts, compressed, starts, bin_bytes, pictures, sh })
     }
 

@@ -33,7 +33,7 @@ pub(crate) struct GltfMaterial {
     extensions: MaterialExtensions,
 }
 
-/// What files of this program say of a material.
+/// Extras of a material in files of this program.
 #[derive(Debug, Deserialize)]
 struct MaterialExtras {
     trisplat_sh: Option<ShExtras>,

@@ -566,7 +566,7 @@ fn reverse_winding<T>(corners: &mut [T]) {
     }
 }
 
-/// Whether a transform does more than to move and to scale.
+/// True for a transform that does more than to move and to scale.
 fn turns(transform: DMat4) -> bool {
     let diagonal = DMat3::from_mat4(transform);
     let scale = DVec3::new(diagonal.x_axis.x, diagonal.y_axis.y, diagonal.z_axis.z);

@@ -15,7 +15,7 @@
 use glam::{UVec2, Vec2};
 use serde::{Deserialize, Serialize};
 use trisplat_scene::image::RgbImage;
-use trisplat_scene::{Asset, Error, FaceSh, MAX_SH_DEGREE, MAX_SH_PICTURE_SIDE, Result};
+use trisplat_scene::{Asset, Error, FaceSh, MAX_SH_DEGREE, MAX_SH_PICTURE_SIDE, Result, sh_count};
 
 /// The code of 0.
 const ZERO: f32 = 128.0;
@@ -25,7 +25,7 @@ const STEPS: f32 = 127.0;
 /// Key of [`ShExtras`] in the extras of a material.
 pub(crate) const KEY: &str = "trisplat_sh";
 
-/// How to read the picture.
+/// Degree and scales of the picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ShExtras {
     /// Degree of the harmonics: a triangle has (degree + 1)² texels.
@@ -52,7 +52,7 @@ impl ShLayout {
     ///
     /// More triangles than a picture of 2048² holds.
     fn new(degree: u8, faces: usize) -> Result<Self> {
-        let width = u32::from(degree + 1).pow(2);
+        let width = sh_count(degree) as u32;
         let layout = |across: u32| {
             let columns = across / width;
             let rows = (faces.div_ceil(columns as usize).max(1) as u32).next_power_of_two();
@@ -86,7 +86,7 @@ pub(crate) struct StoredSh {
 }
 
 impl StoredSh {
-    /// Those of the scene's triangles, which come before a backdrop; `None` without any.
+    /// The harmonics of the scene's triangles, which come before a backdrop; `None` without any.
     ///
     /// # Errors
     ///
@@ -139,7 +139,7 @@ pub(crate) fn coefficients(
     coordinates: Vec2,
     out: &mut Vec<[f32; 3]>,
 ) -> Option<()> {
-    let width = u32::from(extras.degree + 1).pow(2);
+    let width = sh_count(extras.degree) as u32;
     let texel = coordinates * picture.size.as_vec2();
     if !(texel.cmpge(Vec2::ZERO).all() && texel.cmplt(picture.size.as_vec2()).all()) {
         return None;
@@ -157,7 +157,7 @@ pub(crate) fn coefficients(
 }
 
 impl ShExtras {
-    /// Whether the numbers can be of harmonics.
+    /// True for numbers that can be of harmonics.
     pub(crate) fn is_possible(&self) -> bool {
         (1..=MAX_SH_DEGREE).contains(&self.degree)
             && self.scale.len() == usize::from(self.degree) + 1
@@ -174,7 +174,7 @@ mod tests {
     #[test]
     fn read_what_was_written_within_half_a_code() {
         for (degree, faces) in [(1, 1), (2, 7), (3, 1000)] {
-            let width = usize::from(degree + 1).pow(2);
+            let width = sh_count(degree);
             let value = |i: usize| ((i * 37 % 101) as f32 - 50.0) * 0.004;
             let values = (0..faces * width).map(|i| [value(i), value(i + 5), 0.0]).collect();
             let triangles = vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; faces];

@@ -15,7 +15,7 @@ use trisplat_scene::{Asset, Error, Provenance, Result, Tile};
 /// The note for a file that does not hold its scene's texture.
 const NO_TEXTURE: &str = "the texture of the scene is not in this file, which has its colours: write .glb or .gltf to keep it";
 
-/// What a scene with spherical harmonics loses in a format without a place for them.
+/// Loss of a scene with spherical harmonics in a format without a place for them.
 const NO_SH: &str =
     "the file shows the plain colours: only glTF, GLB and pages hold view-dependent ones";
 

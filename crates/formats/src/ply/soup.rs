@@ -10,7 +10,7 @@ use std::io::{self, Write};
 use std::slice::ChunksExact;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{Limits, Provenance, Result, Soup, rgb_from_sh0};
+use trisplat_scene::{Limits, Provenance, Result, Soup, rgb_from_sh0, sh_count};
 
 /// The property of a face that is 1 for the shell; files without a shell lack it.
 const SHELL: &str = "shell";
@@ -213,7 +213,7 @@ fn header(
         header += &format!("property float {axis}\n");
     }
     header += &format!("element face {}\nproperty list uchar int vertex_indices\n", count);
-    let rest = (0..3 * ((usize::from(sh_degree) + 1).pow(2) - 1)).map(|i| format!("f_rest_{i}"));
+    let rest = (0..3 * (sh_count(sh_degree) - 1)).map(|i| format!("f_rest_{i}"));
     let names = ["opacity", "sigma", "f_dc_0", "f_dc_1", "f_dc_2"].map(String::from);
     for name in names.into_iter().chain(rest) {
         header += &format!("property float {name}\n");

@@ -16,7 +16,7 @@ use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
 use std::slice::ChunksExact;
-use trisplat_scene::{Error, Limits, Result, parallel};
+use trisplat_scene::{Error, Limits, Result, parallel, sh_count};
 
 /// Bytes read at once: fits the second-level cache, large against the cost of a system call.
 const BLOCK: usize = 1 << 19;
@@ -219,7 +219,7 @@ impl<'a> PlyTable<'a> {
     /// `highest`. The file has all of red first, then green, then blue, as 3DGS.
     pub(super) fn sh_columns(&self, highest: u8) -> Result<(Vec<[Column; 3]>, u8)> {
         let rest = self.element.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();
-        let count = |degree: u8| (usize::from(degree) + 1).pow(2) - 1;
+        let count = |degree: u8| sh_count(degree) - 1;
         let Some(degree) = (0..=3u8).find(|d| 3 * count(*d) == rest) else {
             return Err(self.malformed(format!(
                 "has {rest} properties f_rest_*; expected 0, 9, 24 or 45 (SH degree 0 to 3)"

@@ -20,7 +20,9 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use std::fs::File;
 use std::io::{BufReader, Cursor};
 use std::path::Path;
-use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, ScreenFilter, Splats};
+use trisplat_scene::{
+    Error, ImportedSplats, Limits, Provenance, Result, ScreenFilter, Splats, sh_count,
+};
 
 /// Maximum bytes of `meta.json`: three codebooks take some 20 kB.
 const MAX_META: u64 = 1 << 20;
@@ -276,7 +278,7 @@ impl<'a> Archive<'a> {
             return Err(Error::malformed(self.path, "meta.json", reason));
         }
         let codes = self.codes(&higher.codebook)?;
-        let per_list = (usize::from(higher.bands) + 1).pow(2) - 1;
+        let per_list = sh_count(higher.bands) - 1;
         let lists = self.picture(&higher.files[0], 0, MAX_LISTS * per_list)?;
         let labels = self.picture_of(&higher.files[1], count)?;
         if lists.rgba.width() as usize != LISTS_PER_ROW * per_list {

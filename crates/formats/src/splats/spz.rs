@@ -23,7 +23,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use std::io::Read;
 use std::path::Path;
 use trisplat_scene::{
-    Error, ImportedSplats, Limits, Provenance, Result, ScreenFilter, Splats, UpAxis,
+    Error, ImportedSplats, Limits, Provenance, Result, ScreenFilter, Splats, UpAxis, sh_count,
 };
 
 /// Bytes of the header of versions 2 and 3.
@@ -153,7 +153,7 @@ impl SpzHeader {
 
     /// Bytes of a Gaussian in each array: positions, opacities, colours, scales, rotations, SH.
     fn arrays(&self) -> [usize; 6] {
-        let harmonics = 3 * ((usize::from(self.sh_degree) + 1).pow(2) - 1);
+        let harmonics = 3 * (sh_count(self.sh_degree) - 1);
         [9, 1, 3, 3, if self.version == 2 { 3 } else { 4 }, harmonics]
     }
 

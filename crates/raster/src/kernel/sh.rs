@@ -3,6 +3,7 @@
 
 use glam::{DMat3, DVec3};
 use trisplat_scene::math::real::{Real, V3};
+use trisplat_scene::math::wgsl::{constant, constants};
 use trisplat_scene::mesh::Mesh;
 
 /// Largest number of coefficients, (3 + 1)².
@@ -11,9 +12,9 @@ pub const MAX_COEFFICIENTS: usize = 16;
 /// Factor of degree 0: 1 / (2 sqrt(pi)).
 pub const SH_C0: f64 = 0.282_094_791_773_878_14;
 /// Degree 1: sqrt(3 / (4 pi)).
-pub(super) const SH_C1: f64 = 0.488_602_511_902_919_9;
+const SH_C1: f64 = 0.488_602_511_902_919_9;
 /// Degree 2: xy, yz, 3z²-1, xz, x²-y².
-pub(super) const SH_C2: [f64; 5] = [
+const SH_C2: [f64; 5] = [
     1.092_548_430_592_079_2,
     -1.092_548_430_592_079_2,
     0.315_391_565_252_520_05,
@@ -21,7 +22,7 @@ pub(super) const SH_C2: [f64; 5] = [
     0.546_274_215_296_039_6,
 ];
 /// Degree 3: y(3x²-y²), xyz, y(5z²-1), z(5z²-3), x(5z²-1), z(x²-y²), x(x²-3y²).
-pub(super) const SH_C3: [f64; 7] = [
+const SH_C3: [f64; 7] = [
     -0.590_043_589_926_643_5,
     2.890_611_442_640_554,
     -0.457_045_799_464_465_74,
@@ -30,6 +31,16 @@ pub(super) const SH_C3: [f64; 7] = [
     1.445_305_721_320_277,
     -0.590_043_589_926_643_5,
 ];
+
+/// The functions of this file in WGSL, and their constants.
+pub fn wgsl() -> String {
+    let mut out = String::new();
+    constant(&mut out, "SH_C0", SH_C0);
+    constant(&mut out, "SH_C1", SH_C1);
+    constants(&mut out, "SH_C2", &SH_C2);
+    constants(&mut out, "SH_C3", &SH_C3);
+    out + include_str!("sh.wgsl")
+}
 
 /// The basis functions up to `degree` in unit direction `v`; the rest is 0.
 #[inline(always)]

@@ -5,6 +5,7 @@ use glam::{UVec2, Vec3};
 use std::ops::Range;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::sh_count;
 
 /// The order of blending the layers of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -179,14 +180,14 @@ impl<'a> SoupRef<'a> {
 
     /// Coefficients per triangle: K = (degree + 1)².
     pub fn sh_count(&self) -> usize {
-        (self.sh_degree as usize + 1).pow(2)
+        sh_count(self.sh_degree)
     }
 
     /// The coefficients of a triangle that are in use.
     #[inline]
     pub(super) fn active_sh(&self, triangle: usize) -> &'a [[f32; 3]] {
         let k = self.sh_count();
-        let used = (self.active_degree.min(self.sh_degree) as usize + 1).pow(2);
+        let used = sh_count(self.active_degree.min(self.sh_degree));
         &self.sh[triangle * k..triangle * k + used]
     }
 }

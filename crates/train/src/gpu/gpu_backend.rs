@@ -18,7 +18,7 @@ use trisplat_gpu::readback::{Readback, elements};
 use trisplat_gpu::{Gpu, storage, uniform};
 use trisplat_raster::soft::{Frame, SoftOptions};
 use trisplat_scene::camera::Camera;
-use trisplat_scene::{Error, Result};
+use trisplat_scene::{Error, Result, sh_count};
 use wgpu::{Buffer, CommandEncoder};
 
 /// Storage buffers that one pass binds.
@@ -428,7 +428,7 @@ fn with_room<T>(gpu: &Gpu, photos: &mut GpuPhotos, make: impl Fn(&Gpu) -> Result
 /// Memory of a card with `limits` that a full-grown run takes, bytes.
 pub(crate) fn expected_bytes(size: &RunSize, limits: &GpuLimits) -> u64 {
     let triangles = u32::try_from(size.triangles).unwrap_or(u32::MAX);
-    let numbers = row_count((usize::from(size.sh_degree) + 1).pow(2)) as u64;
+    let numbers = row_count(sh_count(size.sh_degree)) as u64;
     // Parameters, two moments, visibility.
     let scene = 4 * (3 * numbers + VISIBILITY_NUMBERS as u64) * u64::from(triangles);
     let photos = (4 * size.photo_pixels).min(limits.photo_bytes);

@@ -336,14 +336,14 @@ mod tests {
 #[cfg(test)]
 mod rows_tests {
     use super::*;
-    use trisplat_scene::Rng;
+    use trisplat_scene::{Rng, sh_count};
 
     #[test]
     fn rows_hold_every_number_once() {
         for degree in 0..=3u8 {
             let rng = Rng::new(5, "rows", 0);
             let n = 7;
-            let k = (usize::from(degree) + 1).pow(2);
+            let k = sh_count(degree);
             let number = |i: usize| rng.uniform(i as u64);
             let params = Params {
                 vertices: (0..n)
