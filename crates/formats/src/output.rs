@@ -168,6 +168,7 @@ const COLLISION_NODE: &str = "collision";
 pub struct OutputFiles(Vec<AtomicFile>);
 
 impl OutputFiles {
+    /// The started file of `path`, or a new one if it was not started.
     fn take(&mut self, path: &Path) -> Result<AtomicFile> {
         match self.0.iter().position(|file| file.path() == path) {
             Some(at) => Ok(self.0.swap_remove(at)),
@@ -187,7 +188,7 @@ pub struct SideFiles {
     pub sky: bool,
     /// The collider.
     pub collision: bool,
-    /// The picture of its texture, if the format does not hold it.
+    /// The picture of the scene's texture, if the format does not hold it.
     pub texture: bool,
 }
 
@@ -200,7 +201,7 @@ fn is_device(path: &Path) -> bool {
 pub struct Output {
     format: OutputFormat,
     main: PathBuf,
-    /// .bin or .mtl.
+    /// The .bin of a .gltf, or the .mtl of an .obj.
     second: Option<PathBuf>,
     /// The picture of the texture, if it is a separate file.
     picture: Option<PathBuf>,
@@ -216,7 +217,7 @@ pub struct Output {
     collision: Option<Box<Output>>,
     /// One for each level of detail.
     levels: Vec<Output>,
-    /// Names all levels.
+    /// A tileset.json that names all levels.
     tileset: Option<PathBuf>,
     /// The file that switches levels in an engine.
     engine_levels: Option<(PathBuf, EngineLevels)>,
@@ -264,7 +265,7 @@ impl Output {
         Ok(output)
     }
 
-    /// The files of a scene without any beside it.
+    /// The main file of a part, and those that it needs: .bin, .mtl, import settings.
     pub fn plan(
         path: &Path,
         format: Option<OutputFormat>,
@@ -327,9 +328,9 @@ impl Output {
     /// OUT.ENDING; `what` names the content in the error for outputs that cannot have files beside
     /// them.
     fn side_path(&self, ending: &str, what: &str) -> Result<PathBuf> {
-        let alone =
+        let is_complete =
             matches!(self.format, OutputFormat::Html | OutputFormat::Tiles | OutputFormat::Usdz);
-        if alone || self.main.as_os_str() == "-" || is_device(&self.main) {
+        if is_complete || self.main.as_os_str() == "-" || is_device(&self.main) {
             let wants = format!("a .glb, .gltf, .obj or .ply file: {what} beside the first");
             return Err(Error::invalid("output", self.main.display(), wants));
         }
@@ -343,7 +344,7 @@ impl Output {
     /// Every file that will be written.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
         self.parts().flat_map(|output| {
-            let all = output.side_files().into_iter().chain(output.level_files());
+            let all = output.needed_files().into_iter().chain(output.level_files());
             std::iter::once(output.main.as_path()).chain(all.flatten())
         })
     }
@@ -359,22 +360,22 @@ impl Output {
         std::iter::once(self).chain(side_outputs).chain(&self.levels)
     }
 
-    fn import(&self) -> Option<&Path> {
+    fn sidecar_path(&self) -> Option<&Path> {
         self.sidecar.as_ref().map(|sidecar| sidecar.0.as_path())
     }
 
-    /// The files of one part beside its first.
-    fn side_files(&self) -> [Option<&Path>; 4] {
+    /// The files that one part needs beside its main file.
+    fn needed_files(&self) -> [Option<&Path>; 4] {
         let [second, picture] = [self.second.as_deref(), self.picture.as_deref()];
-        [second, picture, self.import(), self.sky.as_deref()]
+        [second, picture, self.sidecar_path(), self.sky.as_deref()]
     }
 
     /// Every file in the order of publication: each after the files that it names.
     fn publishing_order(&self) -> Vec<&Path> {
-        let side_files = self.parts().flat_map(Self::side_files);
+        let needed_files = self.parts().flat_map(Self::needed_files);
         let parts = self.parts().skip(1).map(|part| Some(part.main.as_path()));
         let last = std::iter::once(Some(self.main.as_path())).chain(self.level_files());
-        side_files.chain(parts).chain(last).flatten().collect()
+        needed_files.chain(parts).chain(last).flatten().collect()
     }
 
     /// Starts every file. From here on no other program writes them, and unwritable outputs have
@@ -407,13 +408,14 @@ impl Output {
         let ending = self.ending();
         let with_ending = |ending: &str| self.main.with_extension(ending);
         let level = |i: usize| with_ending(&format!("lod{i}.{ending}"));
-        let past = self.levels.len() + 1;
+        let first_unused = self.levels.len() + 1;
         let mut stale: Vec<PathBuf> =
-            (past..).map(level).take_while(|path| path.exists()).collect();
-        let of_levels = |path: &PathBuf| ["bin", "mtl"].map(|ending| path.with_extension(ending));
-        stale.extend(stale.clone().iter().flat_map(of_levels));
+            (first_unused..).map(level).take_while(|path| path.exists()).collect();
+        let needed_files =
+            |path: &PathBuf| ["bin", "mtl"].map(|ending| path.with_extension(ending));
+        stale.extend(stale.clone().iter().flat_map(needed_files));
         let parts = ["backdrop", "collision"].map(|part| with_ending(&format!("{part}.{ending}")));
-        stale.extend(parts.iter().flat_map(of_levels));
+        stale.extend(parts.iter().flat_map(needed_files));
         stale.extend(parts);
         stale.extend(["tileset.json", "sky.jpg", "sky.png"].map(with_ending));
         stale.extend(EngineLevels::ALL.map(|kind| with_ending(kind.ending())));
