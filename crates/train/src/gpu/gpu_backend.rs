@@ -117,7 +117,7 @@ impl GpuBackend {
         self.figures.clear();
         self.loaded = None;
         self.failure = None;
-        self.go_on();
+        self.clear_halt();
     }
 
     /// The card.
@@ -234,8 +234,8 @@ impl GpuBackend {
         Ok(())
     }
 
-    /// The counts after all submitted passes.
-    pub(super) fn counted(&self) -> Result<Vec<u32>> {
+    /// Reads the counts after all submitted passes.
+    pub(super) fn read_counts(&self) -> Result<Vec<u32>> {
         elements(&self.gpu, &self.counts, COUNTS)
     }
 
@@ -318,12 +318,12 @@ impl GpuBackend {
             later.readback.take::<u32>(&self.gpu, true)?;
         }
         self.reserve(more)?;
-        self.go_on();
+        self.clear_halt();
         pending_steps.into_iter().try_for_each(|pending| self.launch(pending))
     }
 
-    /// Steps do something again.
-    pub(super) fn go_on(&self) {
+    /// Clears the halt that a pass sets when a buffer is too small: later steps run again.
+    pub(super) fn clear_halt(&self) {
         self.gpu.queue.write_buffer(&self.halted, 0, &[0; 4]);
     }
 }

@@ -1,4 +1,4 @@
-//! Pictures of a scene on the card: the passes of a step up to the frame.
+//! Draws a soup on the graphics card, with the passes of a training step up to the frame.
 
 use super::gpu_backend::GpuBackend;
 use super::step_buffers::{GpuLimits, StepCapacity, missing_capacity};
@@ -76,7 +76,7 @@ impl GpuBackend {
                 Some(more) => needed = needed.union(more),
                 None => break,
             }
-            self.go_on();
+            self.clear_halt();
         }
         let pixels: Vec<[f32; 4]> =
             elements(self.gpu(), &self.buffers()?.frame, plan.pixels() as usize)?;
@@ -88,7 +88,7 @@ impl GpuBackend {
         })
     }
 
-    /// Draws into the frame of the step buffers; returns the counts.
+    /// Draws into the frame of the step buffers; returns the counts, which tell whether it fitted.
     fn submit_picture(
         &mut self,
         plan: &StepPlan,
@@ -97,8 +97,9 @@ impl GpuBackend {
     ) -> Result<Vec<u32>> {
         let mut step = StepUniform::of_picture(plan, look, shape);
         let mut encoder = self.begin(&mut step, &first_counts(plan, shape))?;
-        self.record(plan, false, &mut encoder, |passes, to| passes.draw(to))?;
+        let regularised = false;
+        self.record(plan, regularised, &mut encoder, |passes, to| passes.draw(to))?;
         self.gpu().queue.submit([encoder.finish()]);
-        self.counted()
+        self.read_counts()
     }
 }
