@@ -6,7 +6,7 @@ use super::inputs::Inputs;
 use super::messages::{self, many};
 use super::outputs::Outputs;
 use super::train_args::{BlockAddress, TrainArgs, check_ply};
-use super::train_progress::Bar;
+use super::train_progress::TrainProgress;
 use super::{GlobalArgs, signals};
 use clap::ArgMatches;
 use std::io::Write;
@@ -190,11 +190,11 @@ fn train_coarse(
     let run = TrainInputs::new(dataset, options).with_dataset_options(&args.dataset_options);
     let run = TrainInputs { outputs, resume, until_step: Some(*until), ..run };
     let run = run.start_on(&args.backend_options)?;
-    let mut bar = Bar::new(global, *until, run.steps(), None, run.curve())?;
+    let mut bar = TrainProgress::new(global, *until, run.steps(), None, run.curve())?;
     bar.line("training the coarse scene");
-    bar.begun(run.card.as_deref(), &run.warnings);
+    bar.announce(run.card.as_deref(), &run.warnings);
     let trained =
-        unnamed(run.finish(&mut |event| bar.tell(Event::of_training(TrainPart::Scene, event)))?);
+        unnamed(run.finish(&mut |event| bar.show(Event::of_training(TrainPart::Scene, event)))?);
     if bar.is_stopped("the coarse scene", &trained)? {
         return Ok(None);
     }
@@ -303,10 +303,15 @@ pub(super) fn train_block(
     let outputs = task.outputs(args.checkpoint_every, preview, args.max_cpu_secs);
     let (run, broken) = task.run(&dataset, outputs)?;
     let run = run.start_on(&args.backend_options)?;
-    let mut bar =
-        Bar::new(global, task.block().steps, run.steps(), args.log.as_deref(), run.curve())?;
-    bar.begun(run.card.as_deref(), broken.iter().chain(&run.warnings).chain(&dataset.warnings));
-    let trained = run.finish(&mut |event| bar.tell(Event::of_training(TrainPart::Scene, event)))?;
+    let mut bar = TrainProgress::new(
+        global,
+        task.block().steps,
+        run.steps(),
+        args.log.as_deref(),
+        run.curve(),
+    )?;
+    bar.announce(run.card.as_deref(), broken.iter().chain(&run.warnings).chain(&dataset.warnings));
+    let trained = run.finish(&mut |event| bar.show(Event::of_training(TrainPart::Scene, event)))?;
     if bar.is_stopped("the block", &trained)? {
         return Ok(signals::ended());
     }

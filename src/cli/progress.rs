@@ -19,14 +19,14 @@ use trisplat_train::TrainDetails;
 const SPINNER: &str = "{spinner} {prefix:<10} {elapsed}  {msg}";
 /// Template of a stage with progress.
 const BAR: &str = "{spinner} {prefix:<10} {bar:30} {percent:>3}%  {msg}";
-/// Resolution of a bar.
-const PARTS: u64 = 1000;
+/// Length of a bar, in units of its position.
+const BAR_LENGTH: u64 = 1000;
 /// Minimum share of a stage before the time left is shown.
 const MIN_FRACTION: f64 = 0.02;
 /// Minimum time before the time left is shown.
 const MIN_TIME: Duration = Duration::from_millis(500);
-/// A stage that changed nothing gets a line if it took this long.
-const TRIED_SECS: f64 = 0.1;
+/// Minimum seconds of a stage that changed nothing, for it to get a line.
+const MIN_SKIPPED_SECS: f64 = 0.1;
 
 /// Lines on stderr, above a bar when stderr is a TTY; none with `-q`.
 #[derive(Debug)]
@@ -81,7 +81,7 @@ impl Progress {
     /// Follows `-q` and `-v`.
     pub fn new(global: &GlobalArgs) -> Self {
         let lines = Lines::new(global, || {
-            let bar = ProgressBar::new(PARTS);
+            let bar = ProgressBar::new(BAR_LENGTH);
             set_template(&bar, SPINNER);
             // The bar's own thread panics where the system has none left.
             if std::thread::Builder::new().spawn(|| {}).is_ok() {
@@ -151,15 +151,15 @@ impl Progress {
     /// Shows an event of a stage.
     pub fn tell(&mut self, event: Event<'_>) {
         match event {
-            Event::StageStarted(name) => self.started(name),
-            Event::StageProgress(fraction) => self.progressed(fraction),
+            Event::StageStarted(name) => self.show_start(name),
+            Event::StageProgress(fraction) => self.show_progress(fraction),
             Event::StageNote(text) => self.note(text),
-            Event::StageFinished(stage) => self.finished(stage),
+            Event::StageFinished(stage) => self.show_result(stage),
             _ => {}
         }
     }
 
-    fn started(&mut self, name: &str) {
+    fn show_start(&mut self, name: &str) {
         self.running = (Instant::now(), None);
         if let Some(bar) = &self.lines.bar {
             set_template(bar, SPINNER);
@@ -168,7 +168,7 @@ impl Progress {
         }
     }
 
-    fn progressed(&mut self, fraction: f64) {
+    fn show_progress(&mut self, fraction: f64) {
         let (start, before) = self.running;
         let fraction = fraction.max(before.unwrap_or(0.0));
         self.running.1 = Some(fraction);
@@ -176,12 +176,12 @@ impl Progress {
             if before.is_none() {
                 set_template(bar, BAR);
             }
-            bar.set_position((fraction * PARTS as f64) as u64);
+            bar.set_position((fraction * BAR_LENGTH as f64) as u64);
             bar.set_message(time_left(start.elapsed(), fraction).unwrap_or_default());
         }
     }
 
-    fn finished(&mut self, stage: &StageReport) {
+    fn show_result(&mut self, stage: &StageReport) {
         if !self.lines.verbose && !is_told(stage) {
             return;
         }
@@ -202,8 +202,8 @@ fn set_template(bar: &ProgressBar, template: &str) {
 
 /// "12s left" at the present rate; `None` when it is too early to tell.
 fn time_left(elapsed: Duration, fraction: f64) -> Option<String> {
-    let tells = fraction >= MIN_FRACTION && elapsed >= MIN_TIME;
-    tells.then(|| {
+    let is_reliable = fraction >= MIN_FRACTION && elapsed >= MIN_TIME;
+    is_reliable.then(|| {
         let seconds = elapsed.as_secs_f64() * (1.0 - fraction.min(1.0)) / fraction;
         format!("{} left", HumanDuration(Duration::from_secs_f64(seconds.ceil())))
     })
@@ -213,21 +213,21 @@ fn time_left(elapsed: Duration, fraction: f64) -> Option<String> {
 fn is_told(stage: &StageReport) -> bool {
     let is_expected =
         |why: &String| matches!(stage.name.as_str(), "capture" | "train") || why == "done before";
-    stage.seconds >= TRIED_SECS || stage.skipped.as_ref().is_none_or(is_expected)
+    stage.seconds >= MIN_SKIPPED_SECS || stage.skipped.as_ref().is_none_or(is_expected)
 }
 
 /// One row of the stage table: `prune      2,012,345 → 1,720,011  (-14.5%)   0.04 s`.
 fn row(stage: &StageReport) -> String {
     let name = &stage.name;
     if let Some(train) = stage.details_as::<TrainDetails>() {
-        let again = stage.skipped.as_ref().map_or(String::new(), |why| format!(" ({why})"));
+        let reason = stage.skipped.as_ref().map_or(String::new(), |why| format!(" ({why})"));
         let triangles = many(stage.after.triangles, "triangle");
         let steps = counted(train.steps, "step");
-        let text = format!("{triangles}, {steps}, {:.0} CPU s{again}", train.cpu_secs);
+        let text = format!("{triangles}, {steps}, {:.0} CPU s{reason}", train.cpu_secs);
         return format!("{name:<11}{text:<55} {:>8.2} s", stage.seconds);
     }
     if let Some(why) = &stage.skipped {
-        let took = if stage.seconds >= TRIED_SECS {
+        let took = if stage.seconds >= MIN_SKIPPED_SECS {
             format!(" ({:.2} s)", stage.seconds)
         } else {
             String::new()
@@ -243,8 +243,9 @@ fn row(stage: &StageReport) -> String {
     }
     let before = stage.before.triangles;
     let after = stage.after.triangles;
-    let drawn = stage.details_as::<TeacherDetails>().filter(|teacher| teacher.pictures.is_some());
-    let counts = if let Some(teacher) = drawn {
+    let with_pictures =
+        stage.details_as::<TeacherDetails>().filter(|teacher| teacher.pictures.is_some());
+    let counts = if let Some(teacher) = with_pictures {
         pictures(&teacher)
     } else if name == TeacherDetails::STAGE && before != after {
         // A training; its first triangles say nothing.
@@ -403,12 +404,12 @@ mod tests {
     #[test]
     fn a_bar_never_goes_back() {
         let mut progress = Progress::new(&GlobalArgs { quiet: true, ..GlobalArgs::default() });
-        progress.started("refit");
+        progress.show_start("refit");
         for fraction in [0.1, 0.4, 0.3] {
-            progress.progressed(fraction);
+            progress.show_progress(fraction);
         }
         assert_eq!(progress.running.1, Some(0.4));
-        progress.started("lod");
+        progress.show_start("lod");
         assert_eq!(progress.running.1, None);
     }
 

@@ -38,17 +38,17 @@ pub fn run(args: &RenderArgs, global: &GlobalArgs, inputs: &Inputs) -> Result<()
         .as_ref()
         .map(|path| Dataset::load(path, &args.job.dataset_options))
         .transpose()?;
-    let mut ready = args.job.clone().prepare(dataset.as_ref())?;
+    let mut rendering = args.job.clone().prepare(dataset.as_ref())?;
     let mut outputs = Outputs::new(inputs, args.force);
     dataset.as_ref().map_or(Ok(()), |dataset| outputs.forbid_overwriting_photos(dataset))?;
-    let names = ready.cameras().iter().map(|(name, _)| name.as_str());
+    let names = rendering.cameras().iter().map(|(name, _)| name.as_str());
     let pictures = PictureFiles::plan("--output", &args.output, names, &mut outputs)?;
     let progress = Progress::new(global);
-    let (card, warnings) = ready.draw_on()?;
+    let (card, warnings) = rendering.draw_on()?;
     progress.drawing_on(card.as_deref(), &warnings);
-    let count = ready.cameras().len();
+    let count = rendering.cameras().len();
     for i in 0..count {
-        pictures.save(i, &ready.draw(i)?)?;
+        pictures.save(i, &rendering.draw(i)?)?;
     }
     progress.done();
     progress.line(&format!("wrote {} to {}", many(count as u64, "picture"), args.output.display()));
@@ -63,7 +63,7 @@ fn check_folder(folder: &Path) -> Result<()> {
     });
     let meant_for_a_file = ends_as_file && !folder.to_string_lossy().ends_with(['/', '\\']);
     if folder.is_file() || (meant_for_a_file && !folder.is_dir()) {
-        let wants = "a folder for the pictures, such as pictures; a folder whose name ends like a file's is given with / behind";
+        let wants = "a folder for the pictures, such as pictures; a folder whose name ends like a file's needs a / at its end";
         return Err(Error::invalid("output", folder.display(), wants));
     }
     Ok(())

@@ -4,7 +4,7 @@ use super::GlobalArgs;
 use super::messages::thousands;
 use super::progress::Progress;
 use super::signals::{self, Listener};
-use super::train_progress::Bar;
+use super::train_progress::TrainProgress;
 use clap::Command;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -27,7 +27,7 @@ pub(super) struct Terminal<'a> {
     drawing: Option<Progress>,
     stages: Option<Progress>,
     /// The bar of the last training.
-    pub(super) bar: Option<Bar>,
+    pub(super) bar: Option<TrainProgress>,
 }
 
 impl<'a> Terminal<'a> {
@@ -71,7 +71,7 @@ impl<'a> Terminal<'a> {
             | Event::WriteFailed(_)
             | Event::SceneCopy(..) => {
                 if let Some(bar) = &mut self.bar {
-                    return bar.tell(event);
+                    return bar.show(event);
                 }
             }
             Event::Exposure(evidence) => self.line(&exposure(evidence)),
@@ -115,10 +115,10 @@ impl<'a> Terminal<'a> {
     /// The log cannot be opened.
     pub(super) fn begin(&mut self, begins: &TrainBegins<'_>, log: Option<&Path>) -> Result<()> {
         self.stop.get_or_insert_with(Listener::new);
-        let lost = self.bar.take().map_or_else(Vec::new, |mut bar| bar.done());
+        let lost = self.bar.take().map_or_else(Vec::new, |mut bar| bar.finish());
         self.clear();
         let TrainBegins { part, steps, done, .. } = *begins;
-        let mut bar = Bar::new(self.global, steps, done, log, begins.curve)?;
+        let mut bar = TrainProgress::new(self.global, steps, done, log, begins.curve)?;
         bar.lost = lost;
         let count = counted(steps, "step");
         match part {
@@ -138,7 +138,7 @@ impl<'a> Terminal<'a> {
                 });
             }
             TrainPart::Scene => {
-                bar.begun(begins.card.as_deref(), []);
+                bar.announce(begins.card.as_deref(), []);
                 if begins.card.is_some() {
                     bar.rate_from = Some(done);
                 }

@@ -7,7 +7,7 @@ use super::outputs::Outputs;
 use super::progress::Progress;
 use super::terminal::Terminal;
 use super::train_args::{self, TrainArgs};
-use super::train_progress::Bar;
+use super::train_progress::TrainProgress;
 use super::{GlobalArgs, plan, signals};
 use clap::ArgMatches;
 use std::ops::ControlFlow;
@@ -97,7 +97,7 @@ pub fn run(
 
 /// Parts of the terminal that outlive the training.
 struct TrainEnd<'a> {
-    bar: Bar,
+    bar: TrainProgress,
     files: Outputs<'a>,
     warnings: Vec<String>,
     written: Option<OutputReport>,
@@ -121,7 +121,7 @@ fn finish(
     report.warnings = warnings;
     report.outputs.extend(written);
     write(args, &trained, report, clock, &mut files, &mut bar)?;
-    let lost = bar.done();
+    let lost = bar.finish();
     let written = written_line(args, &trained);
     bar.line(&written);
     if let Some(watcher) = &mut watcher {
@@ -395,7 +395,7 @@ fn write(
     mut report: Report,
     clock: Instant,
     files: &mut Outputs,
-    bar: &mut Bar,
+    bar: &mut TrainProgress,
 ) -> Result<()> {
     let bytes = files.take(&args.output).and_then(|file| trained.save_to(file));
     let bytes = bytes.map_err(|error| rescued(error, args, trained))?;
@@ -460,7 +460,7 @@ fn summary(
     args: &TrainArgs,
     (teacher, share): (&TeacherPlan, Option<f64>),
     trained: &Trained,
-    bar: &Bar,
+    bar: &TrainProgress,
 ) {
     bar.line(&next_command(args, is_solid(&trained.soup)));
     if !is_solid(&trained.soup) {

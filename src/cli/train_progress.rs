@@ -16,33 +16,35 @@ use trisplat_train::budget::Correction;
 use trisplat_train::{Densified, TrainSample, Trained};
 
 /// Shows PSNR, triangles and time left; writes the log; stops on Ctrl-C.
-pub struct Bar {
+pub struct TrainProgress {
     lines: Lines,
     log: Option<(PathBuf, Box<dyn Write>)>,
     /// Outputs that could not be written, with their errors.
     pub lost: Vec<String>,
     /// From here on a request to stop is for the training.
     stop: Option<Listener>,
-    psnr: Option<(f64, Option<ShrunkSize>)>,
+    /// PSNR on photos left out of the training, and the size to which they were shrunk, if they were.
+    held_out: Option<(f64, Option<ShrunkSize>)>,
+    /// Steps of the whole run.
     steps: u64,
-    /// The last printed progress, without a bar.
+    /// The last percentage that was printed; `None` with a bar, and unless verbose.
     percent: Option<u64>,
-    /// Steps made when the measurement of the rate began, until the rate is printed.
+    /// Steps made when the measurement of the rate began; `None` once the rate was printed.
     pub rate_from: Option<u64>,
 }
 
 /// Seconds over which the rate of the first steps is measured.
 const RATE_SECS: f64 = 3.0;
 
-impl Bar {
-    /// A bar over `steps`, with `done` made already. A log file begins with the samples `before` of
-    /// the resumed run.
+impl TrainProgress {
+    /// Progress over `steps`, with `done` made already. A log file begins with the samples of the
+    /// resumed run, `earlier_samples`.
     pub fn new(
         global: &GlobalArgs,
         steps: u64,
         done: u64,
         log: Option<&Path>,
-        before: &[TrainSample],
+        earlier_samples: &[TrainSample],
     ) -> Result<Self> {
         let lines = Lines::new(global, || {
             let bar = ProgressBar::new(steps).with_position(done);
@@ -52,13 +54,13 @@ impl Bar {
             }
             bar
         });
-        let log = log.map(|path| open_log(path, before)).transpose()?;
+        let log = log.map(|path| open_log(path, earlier_samples)).transpose()?;
         let percent = (lines.verbose && lines.bar.is_none()).then(|| percent(done, steps));
         let stop = Some(Listener::new());
         let lost = Vec::new();
-        let psnr = None;
+        let held_out = None;
         let rate_from = None;
-        Ok(Self { lines, log, lost, stop, psnr, steps, percent, rate_from })
+        Ok(Self { lines, log, lost, stop, held_out, steps, percent, rate_from })
     }
 
     /// Prints a line above the bar; nothing when quiet.
@@ -68,14 +70,14 @@ impl Bar {
 
     /// Removes the bar and returns outputs that could not be written. From here on the first Ctrl-C
     /// ends the program.
-    pub fn done(&mut self) -> Vec<String> {
+    pub fn finish(&mut self) -> Vec<String> {
         self.stop = None;
         self.lines.clear();
         std::mem::take(&mut self.lost)
     }
 
     /// Names the card, and prints the notes on the start.
-    pub fn begun<'a>(&self, card: Option<&str>, warnings: impl IntoIterator<Item = &'a String>) {
+    pub fn announce<'a>(&self, card: Option<&str>, warnings: impl IntoIterator<Item = &'a String>) {
         if let Some(card) = card {
             self.line(&format!("training on {card}"));
         }
@@ -90,7 +92,7 @@ impl Bar {
     ///
     /// A stop without a checkpoint.
     pub fn is_stopped(&mut self, what: &str, trained: &Trained) -> Result<bool> {
-        let lost = self.done().join("; ");
+        let lost = self.finish().join("; ");
         match &trained.checkpoint {
             _ if !trained.stopped => Ok(false),
             Some(checkpoint) => {
@@ -118,13 +120,15 @@ fn percent(step: u64, steps: u64) -> u64 {
     100 * step / steps.max(1)
 }
 
-fn open_log(path: &Path, before: &[TrainSample]) -> Result<(PathBuf, Box<dyn Write>)> {
+fn open_log(path: &Path, earlier_samples: &[TrainSample]) -> Result<(PathBuf, Box<dyn Write>)> {
     if path.as_os_str() == "-" {
         return Ok((path.to_owned(), Box::new(Stdout)));
     }
     let io = |e| Error::io(path, e);
     let mut file = BufWriter::new(File::create(path).map_err(io)?);
-    before.iter().try_for_each(|sample| write_line(&mut file, sample)).map_err(io)?;
+    for sample in earlier_samples {
+        write_line(&mut file, sample).map_err(io)?;
+    }
     Ok((path.to_owned(), Box::new(file)))
 }
 
@@ -135,14 +139,14 @@ fn write_line(log: &mut dyn Write, sample: &TrainSample) -> std::io::Result<()> 
     log.flush()
 }
 
-impl Bar {
+impl TrainProgress {
     /// Shows an event of the training; `Break` after a request to stop.
-    pub fn tell(&mut self, event: Event<'_>) -> ControlFlow<()> {
+    pub fn show(&mut self, event: Event<'_>) -> ControlFlow<()> {
         match event {
-            Event::Step { sample, .. } => self.stepped(sample),
-            Event::CurveSample(sample) => self.sampled(sample),
-            Event::Densified(step, densified) => self.densified(step, densified),
-            Event::StepsReplanned(correction) => self.corrected(correction),
+            Event::Step { sample, .. } => self.show_step(sample),
+            Event::CurveSample(sample) => self.record_sample(sample),
+            Event::Densified(step, densified) => self.show_densification(step, densified),
+            Event::StepsReplanned(correction) => self.show_correction(correction),
             Event::WriteFailed(error) => self.note_lost(error, "the training continues"),
             _ => {}
         }
@@ -153,20 +157,20 @@ impl Bar {
         }
     }
 
-    fn stepped(&mut self, sample: &TrainSample) {
+    fn show_step(&mut self, sample: &TrainSample) {
         if let Some(from) = self.rate_from.filter(|_| sample.wall_secs >= RATE_SECS) {
             self.rate_from = None;
             let rate = (sample.step - from) as f64 / sample.wall_secs;
-            let photo = format!(
+            let sizes = format!(
                 "{}, photos {} px wide",
                 many(sample.triangles, "triangle"),
                 sample.width_px
             );
-            self.line(&format!("{rate:.1} steps per second at first ({photo})"));
+            self.line(&format!("{rate:.1} steps per second at first ({sizes})"));
         }
         let triangles = many(sample.triangles, "triangle");
         let held_out = |(p, size)| format!(" ({p:.2} held out{})", ShrunkSize::beside(size));
-        let held_out = self.psnr.map_or(String::new(), held_out);
+        let held_out = self.held_out.map_or(String::new(), held_out);
         let status = || format!("{:.2} dB{held_out}  {triangles}", sample.psnr);
         let now = percent(sample.step, self.steps);
         if let Some(bar) = &self.lines.bar {
@@ -178,8 +182,8 @@ impl Bar {
         }
     }
 
-    fn sampled(&mut self, sample: &TrainSample) {
-        self.psnr = sample.test_psnr.map(|psnr| (psnr, sample.test_size)).or(self.psnr);
+    fn record_sample(&mut self, sample: &TrainSample) {
+        self.held_out = sample.test_psnr.map(|psnr| (psnr, sample.test_size)).or(self.held_out);
         if let Some((path, log)) = &mut self.log
             && let Err(e) = write_line(log, sample)
         {
@@ -190,24 +194,24 @@ impl Bar {
         }
     }
 
-    fn densified(&mut self, step: u64, r: &Densified) {
+    fn show_densification(&mut self, step: u64, densified: &Densified) {
         if self.lines.verbose {
             self.line(&format!(
                 "step {step}: {}; +{} cloned, +{} split, -{} faint, -{} unimportant, -{} unseen, -{} unsupported, -{} blocking, +{} filled",
-                many(r.triangles as u64, "triangle"),
-                r.cloned,
-                3 * r.split,
-                r.faint,
-                r.unimportant,
-                r.unseen,
-                r.unsupported,
-                r.blocking,
-                r.filled
+                many(densified.triangles as u64, "triangle"),
+                densified.cloned,
+                3 * densified.split,
+                densified.faint,
+                densified.unimportant,
+                densified.unseen,
+                densified.unsupported,
+                densified.blocking,
+                densified.filled
             ));
         }
     }
 
-    fn corrected(&mut self, correction: &Correction) {
+    fn show_correction(&mut self, correction: &Correction) {
         let Correction { step, spent_secs, steps } = *correction;
         self.steps = steps;
         if let Some(bar) = &self.lines.bar {
