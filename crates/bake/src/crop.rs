@@ -61,8 +61,8 @@ pub struct CropDetails {
 
 trisplat_scene::stage!(CropDetails, "crop");
 
-/// Drops the triangles of `scene` outside the region; returns the space of the subject, if that is
-/// kept. `cameras` look at the scene, in its frame; `up` is that of its file, if it names one.
+/// Drops the triangles of `scene` outside the region; returns the volume of the subject, if only that
+/// is kept. `cameras` look at the scene, in its frame; `up` is that of its file, if it names one.
 ///
 /// # Errors
 ///
@@ -78,7 +78,7 @@ pub(crate) fn crop(
         return Ok((Outcome::Skipped("`crop` was not given"), None));
     }
     let (keep, volume) = kept_triangles(scene, cameras, up, options)?;
-    details.subject_share = volume.as_ref().and_then(|volume| volume.share(cameras));
+    details.subject_share = volume.as_ref().and_then(|volume| volume.relative_radius(cameras));
     let kept = keep.iter().filter(|keep| **keep).count();
     let total = keep.len();
     if kept == total {
@@ -137,10 +137,10 @@ fn kept_triangles(
     } else {
         (Vec::new(), None)
     };
-    let holds = |i: usize| {
+    let is_kept = |i: usize| {
         of_subject.get(i).is_none_or(|keep| *keep) && is_inside(scene.corners(i), cameras, options)
     };
-    let keep: Vec<bool> = parallel::collect(scene.triangle_count(), GRAIN, holds);
+    let keep: Vec<bool> = parallel::collect(scene.triangle_count(), GRAIN, is_kept);
     if !keep.contains(&true) {
         let wants =
             format!("a region that overlaps the scene: none of {} triangles is inside", keep.len());

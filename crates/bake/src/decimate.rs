@@ -26,15 +26,15 @@ mod compare;
 
 /// Share of the triangles left after a round.
 const ROUND_SHARE: f64 = 0.84;
-/// Cameras that draw in such a round: the visible area of every triangle in all cameras is known
-/// already.
+/// Cameras that draw in a ranking round: the visible area of every triangle in all cameras is known
+/// before.
 const RANK_VIEWS: usize = 16;
-/// Rounds in which corners may move, each once: three moves in a third of the rounds cost two
-/// thirds and lose 0.16 dB with an eighth of the triangles (few photos per round; commit 0aeadf69).
-/// Coarse levels need them: with half of them an eighth of the triangles lose up to 1 dB, half of
-/// the triangles up to 0.1 (commit 751a9c64).
+/// Rounds in which every triangle tries one move. A third of the rounds with three moves each takes
+/// two thirds of the time, and a scene of an eighth of the triangles loses 0.16 dB (few photos per
+/// round; commit 0aeadf69). With half of the rounds such a scene loses up to 1 dB, one of half the
+/// triangles up to 0.1 (commit 751a9c64).
 const MOVE_ROUNDS: u32 = 16;
-/// Cameras that draw in such a round. With 12 moves are made that most of the others pay for.
+/// Cameras that draw in a round of moves. With 12, moves help those and harm most other pictures.
 const MOVE_VIEWS: usize = 24;
 
 /// Decimation by the cameras' pictures. One decimation serves all levels of a scene, because it
@@ -62,23 +62,24 @@ impl<'a> Decimation<'a> {
     }
 
     /// `faces`, all of them visible and in any order, ordered so that the first n of them are the n
-    /// best to keep, for every n from `fewest` on. `visible_px` is the visible area of every face
+    /// best to keep, for every n from `min_faces` on. `visible_px` is the visible area of every face
     /// of the mesh. `[F]`
     pub fn rank_by_importance(
         &mut self,
         visible_px: &[f32],
         faces: &[u32],
-        fewest: usize,
+        min_faces: usize,
         mut progress: StageProgress<'_>,
     ) -> Vec<u32> {
         let mut kept = faces.to_vec();
         kept.sort_unstable();
         let mut dropped = Vec::new();
         // Rounds cost in proportion to the faces left.
-        let [all, last_round] = [faces.len(), fewest].map(|faces| faces.max(1));
+        let all = faces.len().max(1);
+        let to_drop = all - min_faces.clamp(1, all);
         for round in 0.. {
-            progress.set(all - kept.len(), all - last_round.min(all));
-            let keep = ((kept.len() as f64 * ROUND_SHARE) as usize).max(fewest);
+            progress.set(all - kept.len(), to_drop);
+            let keep = ((kept.len() as f64 * ROUND_SHARE) as usize).max(min_faces);
             let round = Round { number: round, views: RANK_VIEWS };
             let mut importance = self.comparison.importance(&kept, visible_px, round);
             for (importance, face) in importance.iter_mut().zip(&kept) {
@@ -90,9 +91,9 @@ impl<'a> Decimation<'a> {
             order
                 .sort_unstable_by(|&a, &b| importance[b].total_cmp(&importance[a]).then(a.cmp(&b)));
             let sorted: Vec<u32> = order.iter().map(|&i| kept[i]).collect();
-            let last = keep <= fewest || keep >= sorted.len();
-            dropped.extend(sorted[if last { 0 } else { keep }..].iter().rev());
-            if last {
+            let is_last = keep <= min_faces || keep >= sorted.len();
+            dropped.extend(sorted[if is_last { 0 } else { keep }..].iter().rev());
+            if is_last {
                 break;
             }
             kept = sorted[..keep].to_vec();
@@ -182,7 +183,7 @@ pub fn enlarge(mesh: &mut Mesh, kept: &[u32]) {
     let all = grid.areas(mesh, 0..mesh.face_count());
     let left = grid.areas(mesh, kept.iter().map(|&f| f as usize));
     for (&f, centroid) in kept.iter().zip(&centroids) {
-        let cell = grid.of(*centroid);
+        let cell = grid.cell_of(*centroid);
         let [all, left] = [&all, &left].map(|sums| sums.get(&cell).copied().unwrap_or(0.0));
         if left > 0.0 {
             let factor = (all / left).sqrt().clamp(1.0, MAX_ENLARGEMENT) as f32;
@@ -197,7 +198,8 @@ pub fn enlarge(mesh: &mut Mesh, kept: &[u32]) {
 /// Cubic cells of space that hold some dozen triangles each.
 struct CellGrid {
     origin: Vec3,
-    cell: f32,
+    /// Edge of a cell.
+    cell_size: f32,
 }
 
 impl CellGrid {
@@ -217,19 +219,19 @@ impl CellGrid {
         let size = (high - low).max_element().max(f32::MIN_POSITIVE);
         Self {
             origin: low,
-            cell: size * (f64::from(PER_CELL) / points.len().max(1) as f64).sqrt() as f32,
+            cell_size: size * (f64::from(PER_CELL) / points.len().max(1) as f64).sqrt() as f32,
         }
     }
 
-    fn of(&self, point: Vec3) -> [i32; 3] {
-        ((point - self.origin) / self.cell).floor().as_ivec3().to_array()
+    fn cell_of(&self, point: Vec3) -> [i32; 3] {
+        ((point - self.origin) / self.cell_size).floor().as_ivec3().to_array()
     }
 
     /// Area of some faces in every cell.
     fn areas(&self, mesh: &Mesh, faces: impl Iterator<Item = usize>) -> HashMap<[i32; 3], f64> {
         let mut sums = HashMap::new();
         for face in faces {
-            *sums.entry(self.of(mesh.centroid(face))).or_default() += mesh.area(face);
+            *sums.entry(self.cell_of(mesh.centroid(face))).or_default() += mesh.area(face);
         }
         sums
     }

@@ -63,30 +63,30 @@ pub fn merge(mut inputs: Vec<ImportedScene>) -> Result<ImportedScene> {
 
 /// Takes the soups and baked meshes of `inputs` to one frame: that of the soups, from which the
 /// meshes were placed when they were baked. A soup without an up axis takes that of the meshes; a
-/// mesh that was not turned takes that of the soups.
+/// mesh whose up direction is no axis takes that of the soups.
 pub(super) fn share_world(inputs: &mut [ImportedScene]) {
     share_origin(inputs);
     let is_soup = |loaded: &&ImportedScene| matches!(loaded.scene, Scene::Soup(_));
-    let of_soups = inputs.iter().filter(is_soup).find_map(|loaded| loaded.provenance.up);
+    let soup_up = inputs.iter().filter(is_soup).find_map(|loaded| loaded.provenance.up);
     let soup = inputs.iter().find(is_soup);
     let frame = soup.map_or(Placement::IDENTITY, |soup| soup.provenance.placement);
-    let mut up = None;
+    let mut mesh_up = None;
     for loaded in inputs.iter_mut() {
         let placement = loaded.provenance.placement;
         if matches!(loaded.scene, Scene::Mesh(_)) && placement != Placement::IDENTITY {
             rebase(loaded, &frame);
-            up = match placement.up {
+            mesh_up = match placement.up {
                 UpDirection::Axis(axis) => Some(axis),
-                UpDirection::Vector(_) => of_soups,
+                UpDirection::Vector(_) => soup_up,
             };
-            loaded.provenance.up = up;
+            loaded.provenance.up = mesh_up;
             // The viewpoint is in the frame of the file.
             loaded.provenance.viewpoint = None;
         }
         loaded.provenance.placement = frame;
     }
     for loaded in inputs.iter_mut().filter(|loaded| matches!(loaded.scene, Scene::Soup(_))) {
-        loaded.provenance.up = loaded.provenance.up.or(up);
+        loaded.provenance.up = loaded.provenance.up.or(mesh_up);
     }
 }
 
@@ -131,27 +131,27 @@ pub(super) fn share_origin(inputs: &mut [ImportedScene]) {
     };
     let far = placements().find(is_georeferenced);
     let is_soup = |loaded: &&ImportedScene| matches!(loaded.scene, Scene::Soup(_));
-    let of_soups = inputs.iter().find(is_soup).map(|soup| soup.provenance.placement);
-    let frame = far.or(of_soups).unwrap_or(first);
+    let soup_placement = inputs.iter().find(is_soup).map(|soup| soup.provenance.placement);
+    let frame = far.or(soup_placement).unwrap_or(first);
     for (i, loaded) in inputs.iter_mut().enumerate() {
         let own = loaded.provenance.placement;
         if own == frame {
             continue;
         }
-        let apart = DVec3::from(own.center) - DVec3::from(frame.center);
+        let offset = DVec3::from(own.center) - DVec3::from(frame.center);
         let number = i + 1;
         if is_georeferenced(&own)
             || (far.is_none() && is_moved_soup(loaded))
             || is_near_origin(loaded, &frame)
         {
-            let [x, y, z] = apart.to_array();
+            let [x, y, z] = offset.to_array();
             rebase(loaded, &frame);
             let text = format!(
                 "input {number} is put where it is in the world of the others: its origin is {x} {y} {z} from theirs"
             );
             loaded.warnings.push(text);
-            if apart.abs().max_element() > MAX_OFFSET {
-                let rounded = apart.abs().max_element() * f64::from(f32::EPSILON) / 2.0;
+            if offset.abs().max_element() > MAX_OFFSET {
+                let rounded = offset.abs().max_element() * f64::from(f32::EPSILON) / 2.0;
                 let text = format!(
                     "input {number} is so far from the others that its positions are rounded by up to {rounded:.1e}; bake it by itself"
                 );
@@ -175,15 +175,15 @@ fn is_georeferenced(placement: &Placement) -> bool {
     is_far(DVec3::from(placement.center))
 }
 
-/// True for a soup that was only moved: a bake turns what it places, and writes meshes.
+/// True for a soup whose reader moved its origin and did not turn it, as a bake would.
 fn is_moved_soup(loaded: &ImportedScene) -> bool {
     let Placement { up, rotate, scale, .. } = loaded.provenance.placement;
     matches!(loaded.scene, Scene::Soup(_))
         && Placement { up, rotate, scale, center: [0.0; 3] } == Placement::IDENTITY
 }
 
-/// True if an input that was never moved is nearer to the origin of a frame than to that of the
-/// world: it is then a single-precision file of the same place.
+/// True for an input in world coordinates that lies nearer to the origin of `frame` than to that of
+/// the world: a single-precision file of the same place, which needs no move.
 fn is_near_origin(loaded: &ImportedScene, frame: &Placement) -> bool {
     let triangles = loaded.scene.triangle_count();
     let corner = |i: usize| loaded.scene.corners(i)[0];
@@ -197,27 +197,27 @@ fn is_near_origin(loaded: &ImportedScene, frame: &Placement) -> bool {
 
 /// Moves a scene from its own frame into `frame`, through their common world.
 pub(super) fn rebase(loaded: &mut ImportedScene, frame: &Placement) {
-    let moved = loaded.provenance.placement.inverse().then(frame);
+    let motion = loaded.provenance.placement.inverse().then(frame);
     loaded.provenance.placement = *frame;
-    if moved == Placement::IDENTITY {
+    if motion == Placement::IDENTITY {
         return;
     }
-    let transform = moved.transform();
+    let transform = motion.transform();
     let place = |point: &mut Vec3| *point = transform(*point);
     match &mut loaded.scene {
         Scene::Soup(soup) => soup.vertices.iter_mut().flatten().for_each(place),
         Scene::Mesh(mesh) => {
             mesh.positions.iter_mut().for_each(place);
-            let rotation = moved.rotation();
+            let rotation = motion.rotation();
             for normal in &mut mesh.normals {
                 *normal = (rotation * normal.as_dvec3()).as_vec3();
             }
             ShRotation::turn(mesh, rotation);
         }
     }
-    let to_file = |camera| frames::to_file(camera, &moved, DVec3::ZERO);
+    let to_file = |camera| frames::to_file(camera, &motion, DVec3::ZERO);
     loaded.cameras = loaded.cameras.iter().map(to_file).collect();
     let viewpoint =
-        loaded.provenance.viewpoint.map(|viewpoint| moved.viewpoint_to_file(&viewpoint));
+        loaded.provenance.viewpoint.map(|viewpoint| motion.viewpoint_to_file(&viewpoint));
     loaded.provenance.viewpoint = viewpoint;
 }

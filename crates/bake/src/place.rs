@@ -6,6 +6,7 @@
 
 use glam::{DVec3, Vec3};
 use ground::Foreground;
+use option_values::{KnownLength, UpChoice};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_raster::framing::{ViewpointInput, viewpoint};
@@ -20,11 +21,10 @@ use trisplat_scene::{
     Error, Placement, Provenance, Result, UpAxis, UpDirection, frames, parallel, stored_cameras,
 };
 use up::{Confidence, Evidence, UpEstimate};
-use words::{KnownLength, UpChoice};
 
 pub(crate) mod ground;
+pub(crate) mod option_values;
 pub(crate) mod up;
-pub(crate) mod words;
 
 /// The frame of the output.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -408,8 +408,8 @@ mod tests {
 
 #[cfg(test)]
 mod under_tests {
+    use super::option_values::UpChoice;
     use super::place;
-    use super::words::UpChoice;
     use super::*;
     use glam::UVec2;
     use trisplat_scene::UpAxis;

@@ -55,8 +55,8 @@ impl<'a> Recipe<'a> {
         Self { options, budget, report, observer }
     }
 
-    /// Bakes inputs, merged. `photos` are left in the frame of the scene. A `background` that was
-    /// found before is not looked for again.
+    /// Bakes inputs, merged. `photos` are left in the frame of the scene. `background` is given where
+    /// an earlier stage found the colour behind the scene; else the bake finds it.
     pub(super) fn run(
         mut self,
         inputs: Vec<ImportedScene>,
@@ -71,18 +71,20 @@ impl<'a> Recipe<'a> {
         let (scene, crop) = self.crop(scene, &pictures)?;
 
         // Pictures and surfaces of the scene as it was trained.
-        let (scene, own_cameras) = self.own_cameras(scene, input_backdrop.as_ref(), &pictures);
+        let (scene, viewpoint_cameras) =
+            self.viewpoint_cameras(scene, input_backdrop.as_ref(), &pictures);
         let input_backdrop =
-            self.simplify_input_backdrop(input_backdrop, &scene.scene, &own_cameras)?;
+            self.simplify_input_backdrop(input_backdrop, &scene.scene, &viewpoint_cameras)?;
         let backdrop = input_backdrop.as_ref();
         self.budget = self.budget.with_input_backdrop(self.counted_triangles(backdrop));
-        pictures.drawn = self.teacher(&scene, backdrop, &background, &pictures, &own_cameras)?;
+        pictures.drawn =
+            self.teacher(&scene, backdrop, &background, &pictures, &viewpoint_cameras)?;
         let mut scene = self.arrange(scene, &pictures)?;
         let traits = self.traits(&scene, &pictures);
         let collision = self.collision(&scene, &pictures)?;
         let normal_surface = self.normal_surface(&scene, &pictures)?;
         let stored_cameras = std::mem::take(&mut scene.cameras);
-        let cameras = SceneCameras::new(stored_cameras, &pictures, own_cameras);
+        let cameras = SceneCameras::new(stored_cameras, &pictures, viewpoint_cameras);
 
         // Solid and visible triangles, fitted to the pictures.
         let (mesh, mut provenance) = self.solid_mesh(scene, &cameras.visibility)?;
@@ -117,7 +119,7 @@ impl<'a> Recipe<'a> {
         Ok(BakeOutcome { asset, crop, viewpoint })
     }
 
-    /// Runs a stage whose details only the report needs.
+    /// Runs a stage and reports it; its details are used nowhere else.
     fn stage<T, D: StageDetails>(
         &mut self,
         input: T,
@@ -145,8 +147,8 @@ impl<'a> Recipe<'a> {
         }
     }
 
-    /// Adds to the packaged scene the results of earlier stages, placed like it, and cuts it into
-    /// tiles. From the finished scene: tiles hold final triangles.
+    /// Adds the collider and the surroundings to the packaged scene, placed like it, and cuts it into
+    /// tiles, which hold final triangles.
     fn finish(
         &mut self,
         asset: Asset,
@@ -154,7 +156,7 @@ impl<'a> Recipe<'a> {
         sky: Sky,
         frame: &FileFrame,
     ) -> Result<Asset> {
-        let collision = collision.map(|mesh| placed(mesh, &frame.placement));
+        let collision = collision.map(|mesh| place_mesh(mesh, &frame.placement));
         let mut asset = Asset { collision, ..asset };
         self.store_surroundings(&mut asset, sky, &frame.placement);
         let options = &self.options.tiles;
@@ -162,8 +164,8 @@ impl<'a> Recipe<'a> {
     }
 }
 
-/// Moves a result of an earlier stage to the place of the scene.
-fn placed(mut mesh: Mesh, placement: &Placement) -> Mesh {
+/// Moves `mesh`, in the frame of the input, to the frame of the file.
+fn place_mesh(mut mesh: Mesh, placement: &Placement) -> Mesh {
     let transform = placement.transform();
     for position in &mut mesh.positions {
         *position = transform(*position);

@@ -1,7 +1,7 @@
 //! The sides of triangles: those that photos show from one side are drawn from that side only.
 //!
 //! Training never compared the other side with a photo. Drawn from there, such triangles are shards
-//! before what photos do show, and walls that hide a room from outside. Triangles that no photo
+//! in front of what photos do show, and walls that hide a room from outside. Triangles that no photo
 //! shows keep both sides, because nothing says which is seen.
 
 use crate::views;
@@ -17,13 +17,13 @@ use trisplat_scene::report::{Outcome, StageProgress};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Sides {
-    /// From the side that nearly all pixels of photos show, where one is; else from both
+    /// From the side that at least 90% of the photos' pixels show; else from both
     Auto,
     /// From both, unless a mesh says otherwise
     Both,
 }
 
-/// From which sides triangles are drawn.
+/// Options of the sides of triangles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SidesOptions {
@@ -77,9 +77,9 @@ pub fn sides(
     if mesh.single_sided.contains(&true) {
         return Ok(Outcome::Skipped("the input says from which sides triangles are drawn"));
     }
-    let seen = visible_sides(mesh, cameras, progress);
+    let pixels = visible_sides(mesh, cameras, progress);
     let mut single_sided = vec![false; mesh.face_count()];
-    for (face, [front, back]) in seen.into_iter().enumerate() {
+    for (face, [front, back]) in pixels.into_iter().enumerate() {
         if front + back == 0 {
             details.unseen += 1;
         } else if (front.max(back) as f64) < MIN_SHARE * (front + back) as f64 {
@@ -108,16 +108,16 @@ fn visible_sides(
     let options = views::drawing(cameras, mesh, 1);
     let mut solid = SolidRasterizer::new();
     let mut pixels = vec![[0; 2]; mesh.face_count()];
-    let mut of_camera = vec![0u32; mesh.face_count()];
+    let mut camera_pixels = vec![0u32; mesh.face_count()];
     for (done, camera) in cameras.iter().enumerate() {
         progress.set(done, cameras.len());
         for face in
             solid.visibility(mesh, camera, &options).face.iter().filter(|face| **face != NO_FACE)
         {
-            of_camera[*face as usize] += 1;
+            camera_pixels[*face as usize] += 1;
         }
         let eye = camera.position();
-        for (face, count) in of_camera.iter_mut().enumerate().filter(|(_, count)| **count > 0) {
+        for (face, count) in camera_pixels.iter_mut().enumerate().filter(|(_, count)| **count > 0) {
             let [a, b, c] = mesh.corners(face).map(|corner| (corner - eye).as_dvec3());
             let is_back = (b - a).cross(c - a).dot(a) > 0.0;
             pixels[face][usize::from(is_back)] += u64::from(std::mem::take(count));

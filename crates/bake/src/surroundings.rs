@@ -1,7 +1,7 @@
 //! Surroundings of a scene: the background of its photos, behind its triangles.
 //!
 //! They come from the scene itself (`shell`), from its input, from photos (`backdrop`), or are a
-//! picture in place of triangles (`sky`). They stay apart from the scene until colours are fitted.
+//! picture in place of triangles (`sky`). They are a mesh of their own until colours are fitted.
 
 mod backdrop;
 mod closed_surface;
@@ -12,7 +12,8 @@ mod sky;
 pub(crate) use backdrop::keep_backdrop;
 pub use backdrop::{BackdropDetails, BackdropOptions, BackdropWhen, backdrop};
 pub(crate) use shell::{
-    is_quartered, middle, protected_faces, quarter, recognise_shell, simplified_shell, take_shell,
+    has_room_for_quarters, protected_faces, quarter_faces, recognise_shell, shell_center,
+    simplified_shell, take_shell,
 };
 pub(crate) use sky::{Sky, close_surface, is_scattered, replace_backdrop};
 use trisplat_scene::Result;

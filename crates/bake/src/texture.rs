@@ -13,7 +13,7 @@
 use crate::refit::UnseenColors;
 use crate::views::{ViewScores, Views};
 use atlas::{Atlas, Layout, footprints};
-use best::PhotoCandidates;
+use best_photos::PhotoCandidates;
 use charts::Charts;
 pub use options::{TextureDetail, TextureOptions, TextureWhen};
 use schemars::JsonSchema;
@@ -27,7 +27,7 @@ use trisplat_scene::report::{Outcome, StageProgress};
 use trisplat_scene::{Error, FaceTexture, ImportedScene, Result, Scene, Texture};
 
 mod atlas;
-mod best;
+mod best_photos;
 mod charts;
 mod options;
 mod texels;

@@ -7,7 +7,7 @@
 
 use super::volume::{BallFrame, GroundTriangle, Outline, REACH, SubjectVolume, Support};
 use crate::place::ground::Foreground;
-use crate::place::up::{Confidence, Evidence, estimate, facing};
+use crate::place::up::{Confidence, Evidence, estimate, wall_normal};
 use glam::{DVec3, IVec3, Vec2, Vec3};
 use std::collections::HashMap;
 use trisplat_raster::framing::Subject;
@@ -181,8 +181,9 @@ fn ways(mesh: &Mesh, cameras: &[Camera], file_up: Option<UpAxis>) -> Vec<DVec3> 
         _ => usable()
             .map_or(file_up.unwrap_or_default().vector(), |estimate| estimate.direction.into()),
     };
-    let toward = -cameras.iter().map(|camera| camera.rotation.row(2).as_dvec3()).sum::<DVec3>();
-    let wall = toward.try_normalize().and_then(|toward| facing(scene, evidence, toward));
+    let to_cameras = -cameras.iter().map(|camera| camera.rotation.row(2).as_dvec3()).sum::<DVec3>();
+    let wall =
+        to_cameras.try_normalize().and_then(|to_cameras| wall_normal(scene, evidence, to_cameras));
     std::iter::once(up).chain(wall).collect()
 }
 

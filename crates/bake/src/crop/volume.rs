@@ -84,7 +84,7 @@ const CELLS_OF_SUPPORT: usize = 40;
 
 impl SubjectVolume {
     /// Its radius as a share of the median distance of `cameras` from its middle.
-    pub(super) fn share(&self, cameras: &[Camera]) -> Option<f64> {
+    pub(super) fn relative_radius(&self, cameras: &[Camera]) -> Option<f64> {
         let ball = self.frame.ball;
         let outline = &self.outline;
         let center = ball.center + ball.radius * self.frame.out(outline.center.extend(0.0));

@@ -16,10 +16,11 @@ const TRIES: u64 = 512;
 const MAX_TILT: f64 = 0.34;
 /// Passes of the refinement.
 const PASSES: usize = 12;
-/// Below this spread, the variance of level directions across each other, cameras leave one
-/// direction open.
+/// Minimum variance of the photos' rows along the second of their three main directions: with less,
+/// all rows are parallel, and up is any direction across them.
 const MIN_SPREAD: f64 = 1e-3;
-/// The same holds above this ratio of tilt to spread (tangent of 15°).
+/// Maximum ratio of their standard deviations, least to second (tangent of 15°); above it up is open
+/// too.
 const MAX_TILT_PER_SPREAD: f64 = 0.27;
 /// Above this median tilt, degrees, cameras were held at random.
 const RANDOM_TILT: f64 = 20.0;
@@ -27,20 +28,20 @@ const RANDOM_TILT: f64 = 20.0;
 const STEADY_TILT: f64 = 8.0;
 /// Largest angle between a level surface and the cameras' estimate, degrees.
 const WIDEST_CONE: f64 = 20.0;
+/// The same where cameras agree exactly, degrees.
+const NARROWEST_CONE: f64 = 5.0;
 /// Largest angle between a wall and the cameras that look at it, degrees.
 const WIDEST_VIEW: f64 = 60.0;
-/// Minimum limit of that angle, degrees.
-const NARROWEST_CONE: f64 = 5.0;
 /// Thickness of a surface as a share of the distance of the cameras.
 const THICKNESS: f64 = 0.01;
-/// Share of the points around the middle of the scene that lie on a clear surface.
-const CLEAR_OF_POINTS: f64 = 0.05;
-/// The same as a share of the triangles' area: they scatter about their surfaces, so every slice
-/// contains some.
-const CLEAR_OF_FACES: f64 = 0.15;
-/// Standard deviation of a clear surface along its narrow side, as a share of the distance of the
+/// Minimum share of the points around the middle of the scene that lie on a clear surface.
+const MIN_SHARE_OF_POINTS: f64 = 0.05;
+/// Minimum share of the triangles' area there that lies on a clear surface: triangles scatter about
+/// their surfaces, so every slice contains some.
+const MIN_SHARE_OF_AREA: f64 = 0.15;
+/// Minimum standard deviation of a clear surface along its narrow side, as a share of the distance of the
 /// cameras.
-const CLEAR_WIDTH: f64 = 0.05;
+const MIN_WIDTH: f64 = 0.05;
 /// Number of samples that compare surfaces.
 const MAX_COMPARED_SAMPLES: usize = 4000;
 
@@ -98,7 +99,7 @@ pub struct Evidence<'a> {
 /// hands are steady, and replaces it.
 pub(crate) fn estimate(scene: Foreground, evidence: Evidence) -> Option<UpEstimate> {
     let by_cameras = from_cameras(evidence.cameras)?;
-    let cone = if by_cameras.open {
+    let cone = if by_cameras.is_open {
         WIDEST_CONE
     } else {
         (4.0 * by_cameras.tilt).clamp(NARROWEST_CONE, WIDEST_CONE)
@@ -111,7 +112,7 @@ pub(crate) fn estimate(scene: Foreground, evidence: Evidence) -> Option<UpEstima
     let confidence = match &surface {
         _ if by_cameras.tilt >= RANDOM_TILT => Confidence::None,
         Some(_) => Confidence::High,
-        None if !by_cameras.open && by_cameras.tilt <= STEADY_TILT => Confidence::High,
+        None if !by_cameras.is_open && by_cameras.tilt <= STEADY_TILT => Confidence::High,
         None => Confidence::Low,
     };
     let up = surface.as_ref().map_or(by_cameras.up, |s| s.normal);
@@ -134,39 +135,41 @@ struct CameraUp {
     up: DVec3,
     /// Median angle between rows and the horizontal, degrees.
     tilt: f64,
-    /// True when they leave one direction open, for example when all look the same way.
-    open: bool,
+    /// True when rows agree with more than one direction, for example when all look the same way.
+    is_open: bool,
 }
 
 /// From the rows of the photos, or from their columns where these are level: photos of a phone that
 /// are stored on their side.
 fn from_cameras(cameras: &[Camera]) -> Option<CameraUp> {
-    let held = from_level(cameras, 0)?;
-    let on_side =
-        from_level(cameras, 1).filter(|side| held.open && !side.open && side.tilt < held.tilt);
-    Some(on_side.unwrap_or(held))
+    let by_rows = from_level_lines(cameras, 0)?;
+    let by_columns = from_level_lines(cameras, 1)
+        .filter(|columns| by_rows.is_open && !columns.is_open && columns.tilt < by_rows.tilt);
+    Some(by_columns.unwrap_or(by_rows))
 }
 
-/// From the rows (0) or columns (1) of photos, which are taken to be level.
-fn from_level(cameras: &[Camera], level: usize) -> Option<CameraUp> {
+/// From the rows (`axis` 0) or columns (1) of photos, which are taken to be level.
+fn from_level_lines(cameras: &[Camera], axis: usize) -> Option<CameraUp> {
+    // Rows of the rotation: right, down and ahead of each camera.
     let row = |i: usize| cameras.iter().map(move |c| c.rotation.row(i).as_dvec3());
-    let rights: Vec<DVec3> = row(level).collect();
-    let mean_up = -row(1 - level).sum::<DVec3>().normalize_or_zero();
-    if rights.is_empty() {
+    let lines: Vec<DVec3> = row(axis).collect();
+    let mean_up = -row(1 - axis).sum::<DVec3>().normalize_or_zero();
+    if lines.is_empty() {
         return None;
     }
-    let (mut up, mut spread) = first_guess(&rights, mean_up);
+    let (mut up, mut spread) = first_guess(&lines, mean_up);
     for _ in 0..PASSES {
-        let tilts: Vec<f64> = rights.iter().map(|r| r.dot(up).abs()).collect();
-        let usual = (1.5 * median(tilts.clone(), f64::total_cmp).unwrap_or(0.0)).max(1e-4);
+        let tilts: Vec<f64> = lines.iter().map(|r| r.dot(up).abs()).collect();
+        let scale = (1.5 * median(tilts.clone(), f64::total_cmp).unwrap_or(0.0)).max(1e-4);
         // Cauchy's weights: a picture taken with the camera on its side hardly counts.
-        let weight = |tilt: &f64| 1.0 / (1.0 + (tilt / usual) * (tilt / usual));
-        spread = symmetric_eigen(scatter(rights.iter().copied().zip(tilts.iter().map(weight))));
+        let weight = |tilt: &f64| 1.0 / (1.0 + (tilt / scale) * (tilt / scale));
+        spread =
+            symmetric_eigen(scatter_matrix(lines.iter().copied().zip(tilts.iter().map(weight))));
         up = spread[0].1;
     }
     let [least, middle, _] = spread.map(|(value, _)| value.max(0.0));
-    let open = middle < MIN_SPREAD || least > MAX_TILT_PER_SPREAD * MAX_TILT_PER_SPREAD * middle;
-    if open {
+    let is_open = middle < MIN_SPREAD || least > MAX_TILT_PER_SPREAD * MAX_TILT_PER_SPREAD * middle;
+    if is_open {
         // Of the directions at right angles to the rows, the one nearest to the columns.
         up = mean_up.reject_from_normalized(spread[2].1).normalize_or(up);
     }
@@ -174,31 +177,35 @@ fn from_level(cameras: &[Camera], level: usize) -> Option<CameraUp> {
     let columns = -row(1).map(|down| down.dot(up)).sum::<f64>();
     let away = -row(2).map(|ahead| ahead.dot(up)).sum::<f64>();
     // A photo on its side was turned either way.
-    let sign = if level == 0 && columns.abs() > 0.1 * rights.len() as f64 { columns } else { away };
+    let sign = if axis == 0 && columns.abs() > 0.1 * lines.len() as f64 { columns } else { away };
     let up = if sign < 0.0 { -up } else { up };
     let tilt = |r: &DVec3| libm::asin(r.dot(up).clamp(-1.0, 1.0)).abs().to_degrees();
-    let tilt = median(rights.iter().map(tilt).collect(), f64::total_cmp)?;
-    Some(CameraUp { up, tilt, open })
+    let tilt = median(lines.iter().map(tilt).collect(), f64::total_cmp)?;
+    Some(CameraUp { up, tilt, is_open })
 }
 
 /// The direction with the least sum of limited tilts, and the spread of the rows.
-fn first_guess(rights: &[DVec3], mean_up: DVec3) -> (DVec3, [(f64, DVec3); 3]) {
-    let spread = symmetric_eigen(scatter(rights.iter().map(|r| (*r, 1.0))));
+fn first_guess(lines: &[DVec3], mean_up: DVec3) -> (DVec3, [(f64, DVec3); 3]) {
+    let spread = symmetric_eigen(scatter_matrix(lines.iter().map(|r| (*r, 1.0))));
     let rng = Rng::new(0, "up axis", 0);
-    let pair = |i: u64| {
-        let one = |k: u64| rights[(rng.bits(2 * i + k) % rights.len() as u64) as usize];
+    let normal_to_pair = |i: u64| {
+        let one = |k: u64| lines[(rng.bits(2 * i + k) % lines.len() as u64) as usize];
         let across = one(0).cross(one(1));
         (across.length() > 0.1).then(|| across.normalize())
     };
-    let known = [Some(spread[0].1), (mean_up != DVec3::ZERO).then_some(mean_up)];
-    let tilt = |up: &DVec3| rights.iter().map(|r| r.dot(*up).abs().min(MAX_TILT)).sum::<f64>();
-    let best = known.into_iter().chain((0..TRIES).map(pair)).flatten().map(|up| (tilt(&up), up));
+    let guesses = [Some(spread[0].1), (mean_up != DVec3::ZERO).then_some(mean_up)];
+    let tilt = |up: &DVec3| lines.iter().map(|r| r.dot(*up).abs().min(MAX_TILT)).sum::<f64>();
+    let best = guesses
+        .into_iter()
+        .chain((0..TRIES).map(normal_to_pair))
+        .flatten()
+        .map(|up| (tilt(&up), up));
     let best = best.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(spread[0].1, |(_, up)| up);
     (best, spread)
 }
 
 /// The weighted mean of v vᵀ.
-fn scatter(vectors: impl Iterator<Item = (DVec3, f64)>) -> DMat3 {
+fn scatter_matrix(vectors: impl Iterator<Item = (DVec3, f64)>) -> DMat3 {
     let mut sum = DMat3::ZERO;
     let mut weights = 0.0;
     for (v, weight) in vectors {
@@ -208,10 +215,14 @@ fn scatter(vectors: impl Iterator<Item = (DVec3, f64)>) -> DMat3 {
     sum * (1.0 / f64::max(weights, 1e-300))
 }
 
-/// The normal of the largest flat surface that is seen from the direction `toward`, such as a wall;
+/// The normal of the largest flat surface, such as a wall, that faces the direction `to_cameras`;
 /// `None` without a clear one.
-pub(crate) fn facing(scene: Foreground, evidence: Evidence, toward: DVec3) -> Option<DVec3> {
-    surface(scene, evidence, toward, WIDEST_VIEW).map(|wall| wall.normal)
+pub(crate) fn wall_normal(
+    scene: Foreground,
+    evidence: Evidence,
+    to_cameras: DVec3,
+) -> Option<DVec3> {
+    surface(scene, evidence, to_cameras, WIDEST_VIEW).map(|wall| wall.normal)
 }
 
 /// A flat surface.
@@ -232,9 +243,9 @@ fn surface(
 ) -> Option<EstimatedSurface> {
     let region = ground::region(scene, evidence.cameras)?;
     let (samples, clear_share) = if evidence.points.is_empty() {
-        (ground::faces(scene, &region), CLEAR_OF_FACES)
+        (ground::faces(scene, &region), MIN_SHARE_OF_AREA)
     } else {
-        (ground::points(evidence.points, &region), CLEAR_OF_POINTS)
+        (ground::points(evidence.points, &region), MIN_SHARE_OF_POINTS)
     };
     let min_cosine = libm::cos(cone.to_radians());
     let thickness = THICKNESS * region.radius;
@@ -255,21 +266,23 @@ fn surface(
     let mut width = 0.0;
     let mut support = 0.0;
     for _ in 0..PASSES {
-        let on: Vec<&SurfaceSample> = samples.iter().filter(|s| near(s, point, normal)).collect();
-        support = on.iter().map(|s| s.weight).sum::<f64>();
+        let on_plane: Vec<&SurfaceSample> =
+            samples.iter().filter(|s| near(s, point, normal)).collect();
+        support = on_plane.iter().map(|s| s.weight).sum::<f64>();
         if support <= 0.0 {
             return None;
         }
-        point = on.iter().map(|s| s.position * s.weight).sum::<DVec3>() / support;
-        let [thin, narrow, _] =
-            symmetric_eigen(scatter(on.iter().map(|s| (s.position - point, s.weight))));
+        point = on_plane.iter().map(|s| s.position * s.weight).sum::<DVec3>() / support;
+        let [thin, narrow, _] = symmetric_eigen(scatter_matrix(
+            on_plane.iter().map(|s| (s.position - point, s.weight)),
+        ));
         normal = thin.1;
         width = narrow.0.max(0.0).sqrt();
     }
     let normal = if normal.dot(up) < 0.0 { -normal } else { normal };
     let share = support / samples.iter().map(|s| s.weight).sum::<f64>();
     let clear =
-        share >= clear_share && width >= CLEAR_WIDTH * region.radius && normal.dot(up) > min_cosine;
+        share >= clear_share && width >= MIN_WIDTH * region.radius && normal.dot(up) > min_cosine;
     clear.then_some(EstimatedSurface { normal, share })
 }
 

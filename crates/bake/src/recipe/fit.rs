@@ -12,8 +12,9 @@ use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{Error, Result};
 
 impl Recipe<'_> {
-    /// Triangles that no longer move. `trained_exposure` are the shares by which the training of
-    /// the scene corrected its photos.
+    /// Fits triangles to the pictures; later stages move none of them. `trained_exposure`: the
+    /// shares of gain, white balance and falloff by which the training of the scene corrected its
+    /// photos.
     pub(super) fn fit(
         &mut self,
         mesh: Mesh,
@@ -28,8 +29,8 @@ impl Recipe<'_> {
         self.sides(mesh, photo_cameras)
     }
 
-    /// On the first opaque triangles, so that photos of another scene cost no more than this. Drawn
-    /// pictures always show their scene.
+    /// Refuses photos of another scene, before any work is done with them. Drawn pictures always
+    /// show their scene.
     fn check_dataset(&mut self, mesh: &Mesh, photos: Option<&mut Views>) -> Result<()> {
         let Some(photos) = photos.filter(|photos| !photos.is_drawn()) else {
             return Ok(());
@@ -45,7 +46,7 @@ impl Recipe<'_> {
         Err(Error::ForeignPhotos { fault: fault.to_string(), wants: wants.to_owned() })
     }
 
-    /// Before anything is fitted to the photos.
+    /// Corrects the exposure of photos, before anything is fitted to them.
     fn exposure(
         &mut self,
         mesh: Mesh,
@@ -58,7 +59,7 @@ impl Recipe<'_> {
         })
     }
 
-    /// On the remaining triangles, by the cameras' pictures: before the backdrop, and before
+    /// Moves the corners of the remaining triangles by the pictures: before the backdrop, and before
     /// colours are fitted exactly.
     fn reshape(
         &mut self,
@@ -72,8 +73,8 @@ impl Recipe<'_> {
         })
     }
 
-    /// On triangles that no longer move, and before levels are made and colours are fitted to the
-    /// drawn sides.
+    /// Chooses the sides of triangles, after they moved, and before levels are made and colours are
+    /// fitted to the drawn sides.
     fn sides(&mut self, mesh: Mesh, cameras: &[Camera]) -> Result<Mesh> {
         let options = &self.options.sides;
         self.long_stage(mesh, Mesh::counts, |mesh, details, progress| {

@@ -5,8 +5,8 @@ use super::Recipe;
 use super::values::SceneCameras;
 use crate::refit::{RefitColors, smooth_shell};
 use crate::surroundings::{
-    BackdropWhen, Sky, Surroundings, backdrop, close_surface, is_quartered, is_scattered,
-    keep_backdrop, middle, quarter, replace_backdrop, simplified_shell, take_shell,
+    BackdropWhen, Sky, Surroundings, backdrop, close_surface, has_room_for_quarters, is_scattered,
+    keep_backdrop, quarter_faces, replace_backdrop, shell_center, simplified_shell, take_shell,
 };
 use crate::texture::with_texture;
 use crate::views::Views;
@@ -133,7 +133,7 @@ impl Recipe<'_> {
         if self.options.backdrop.backdrop == BackdropWhen::Sky || !is_scattered(&shell) {
             return shell;
         }
-        let center = middle(&shell, cameras);
+        let center = shell_center(&shell, cameras);
         let reach = scene.positions.iter().map(|v| v.distance(center)).fold(0.0, f32::max);
         let max_faces = self.budget.rest_beside(scene.face_count());
         close_surface(&shell, center, reach, max_faces).unwrap_or(shell)
@@ -145,12 +145,12 @@ impl Recipe<'_> {
         // A panorama has the shape of the shell only.
         let scene_faces = scene.face_count() + self.budget.input_backdrop;
         let has_room = self.options.backdrop.backdrop != BackdropWhen::Sky
-            && is_quartered(&shell, scene_faces, &self.budget);
+            && has_room_for_quarters(&shell, scene_faces, &self.budget);
         if self.options.refit.refit == RefitColors::Off {
             return shell;
         }
         if has_room {
-            return quarter(&shell);
+            return quarter_faces(&shell);
         }
         if !has_pictures {
             smooth_shell(&mut shell);

@@ -18,8 +18,8 @@ use trisplat_scene::{ImportedScene, Limits, Result, Scene};
 use trisplat_surface::{SurfaceDetails, collision, surface};
 
 impl Recipe<'_> {
-    /// On the scene as it was trained and in full, because the borders of its pictures show the
-    /// background. `known`: found by hardening before it trained.
+    /// Finds the colour behind the scene: on all of it, as it was trained, because the borders of its
+    /// pictures show the background. `known`: found by hardening before it trained.
     pub(super) fn background(
         &mut self,
         loaded: ImportedScene,
@@ -73,7 +73,7 @@ impl Recipe<'_> {
 
     /// Cameras that rank the triangles of a mesh without any, for a limit that it exceeds: those of
     /// the viewpoint in its file. Its triangles share no vertices then, if hardly any do.
-    pub(super) fn own_cameras(
+    pub(super) fn viewpoint_cameras(
         &self,
         mut loaded: ImportedScene,
         input_backdrop: Option<&Mesh>,
@@ -97,21 +97,21 @@ impl Recipe<'_> {
         (loaded, cameras)
     }
 
-    /// On the scene as it was trained: all other stages try to keep this look.
+    /// Draws the scene as it was trained: all later stages try to keep this look.
     pub(super) fn teacher(
         &mut self,
         loaded: &ImportedScene,
         input_backdrop: Option<&Mesh>,
         background: &BackgroundDetails,
         pictures: &TargetPictures<'_>,
-        own_cameras: &[Camera],
+        viewpoint_cameras: &[Camera],
     ) -> Result<Option<Views>> {
         let options = self.options;
         let has_photos = pictures.photos.is_some();
         let color = background.object_color();
         let measure = |_: &Option<Views>| loaded.scene.counts();
         let backdrop = input_backdrop.filter(|_| !self.drops_surroundings());
-        let solid = solid_views(&loaded.scene, backdrop, own_cameras)?;
+        let solid = solid_views(&loaded.scene, backdrop, viewpoint_cameras)?;
         self.stage(None, measure, |views, details: &mut TeacherDetails| {
             let Some(solid) = solid else {
                 let solid_options = &options.solid;
@@ -119,14 +119,14 @@ impl Recipe<'_> {
                 return teacher(views, loaded, has_photos, color, options, solid_options, details);
             };
             details.pictures = Some(solid.len() as u64);
-            details.size_px = own_cameras.first().map(|camera| camera.size.to_array());
+            details.size_px = viewpoint_cameras.first().map(|camera| camera.size.to_array());
             *views = Some(solid);
             Ok(Outcome::Changed(()))
         })
     }
 
-    /// Before stages that draw repeatedly, but after viewpoints are chosen from a sample of the
-    /// triangles in their original order.
+    /// Orders triangles so that they draw fast: before stages that draw repeatedly, but after
+    /// viewpoints are chosen from a sample of the triangles in their original order.
     pub(super) fn arrange(
         &mut self,
         loaded: ImportedScene,
@@ -140,7 +140,7 @@ impl Recipe<'_> {
         })
     }
 
-    /// Inputs of the fitting; not computed when it is off.
+    /// Properties of the scene that decide how triangles are fitted; not computed when that is off.
     pub(super) fn traits(
         &self,
         loaded: &ImportedScene,

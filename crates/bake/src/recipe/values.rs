@@ -21,11 +21,14 @@ pub(super) struct LoadedScene<'a> {
 /// Pictures that triangles are fitted to: photos or, where none were given, drawings of a soft
 /// scene.
 pub(super) struct TargetPictures<'a> {
+    /// Photos, or pictures that the caller drew in their place.
     pub photos: Option<&'a mut Views>,
+    /// Pictures that the bake drew.
     pub drawn: Option<Views>,
 }
 
 impl TargetPictures<'_> {
+    /// The photos, or else the drawn pictures.
     pub(super) fn any(&mut self) -> Option<&mut Views> {
         self.photos.as_deref_mut().or(self.drawn.as_mut())
     }
@@ -50,11 +53,12 @@ pub(super) struct SceneCameras {
 }
 
 impl SceneCameras {
-    /// `stored` are those in the file of the scene; `own` see a scene without any.
+    /// `stored` are those in the file of the scene; `viewpoint_cameras` look at a scene without
+    /// any.
     pub(super) fn new(
         stored: Vec<Camera>,
         pictures: &TargetPictures<'_>,
-        own: Vec<Camera>,
+        viewpoint_cameras: Vec<Camera>,
     ) -> Self {
         let photos = match pictures.photos.as_deref() {
             // Pictures may be drawn for some of the cameras only.
@@ -63,7 +67,7 @@ impl SceneCameras {
         };
         let visibility = match &pictures.drawn {
             Some(drawn) if photos.is_empty() => drawn.cameras().to_vec(),
-            None if photos.is_empty() => own,
+            None if photos.is_empty() => viewpoint_cameras,
             _ => photos.clone(),
         };
         Self { photos, visibility }

@@ -24,7 +24,8 @@ use trisplat_scene::report::Outcome;
 const VIEWS: usize = 16;
 /// Holes below this share of the photos are not closed.
 const MIN_HOLES: f64 = 0.001;
-/// The sphere has at most one triangle per this many of the scene, and at least 8 · 4².
+/// The sphere has at most one triangle per this many of the scene, or 8 · 4² if that is more; a
+/// budget may leave it fewer.
 const SCENE_PER_BACKDROP: usize = 20;
 
 /// Condition for a backdrop.
@@ -111,12 +112,12 @@ pub fn backdrop(
     }
     let holes = find_holes(mesh, views)?;
     details.holes = Some(holes.share);
-    if options.backdrop == BackdropWhen::Auto && views.are_cut() && holes.counted < 1.0 {
+    if options.backdrop == BackdropWhen::Auto && views.are_cut() && holes.unmasked < 1.0 {
         return Ok(Outcome::Skipped(
             "photos show an object without background: there is nothing behind it",
         ));
     }
-    if options.backdrop == BackdropWhen::Auto && holes.counted < MIN_COVERED {
+    if options.backdrop == BackdropWhen::Auto && holes.unmasked < MIN_COVERED {
         return Ok(Outcome::Skipped("masks leave an object: there is nothing behind it"));
     }
     if options.backdrop == BackdropWhen::Auto && holes.share < MIN_HOLES {
@@ -135,7 +136,7 @@ pub fn backdrop(
     Ok(Outcome::Changed(()))
 }
 
-/// Puts the backdrop of the input, `given`, behind `mesh` again, unless none is wanted.
+/// Puts the backdrop of the input behind `mesh` again, unless none is wanted.
 ///
 /// # Errors
 ///
@@ -157,10 +158,10 @@ pub(crate) fn keep_backdrop(
 
 /// Pixels of photos that no triangle covers.
 struct BackdropHoles {
-    /// Share of the photos' pixels that count.
+    /// Share of holes among the pixels outside masks.
     share: f64,
-    /// Share of all pixels that count.
-    counted: f64,
+    /// Share of pixels outside masks.
+    unmasked: f64,
     /// Mean colour, linear.
     color: [f32; 3],
 }
@@ -190,8 +191,8 @@ fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<BackdropHoles> {
         }
     }
     let mean = color.map(|sum| (sum / f64::max(open, 1e-9)) as f32);
-    let counted = all / pixels.max(1) as f64;
-    Ok(BackdropHoles { share: open / f64::max(all, 1e-9), counted, color: mean })
+    let unmasked = all / pixels.max(1) as f64;
+    Ok(BackdropHoles { share: open / f64::max(all, 1e-9), unmasked, color: mean })
 }
 
 /// Subdivisions of the octahedron for a scene of `faces`; `None` where the budget of surroundings

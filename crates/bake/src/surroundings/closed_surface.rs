@@ -31,8 +31,8 @@ pub(super) fn place(direction: Vec3) -> Vec2 {
     Vec2::new(turn as f32, (libm::acos(y.clamp(-1.0, 1.0)) / PI) as f32)
 }
 
-/// The surface around `center` where `shell` is, but at least `least` away, with the places of its
-/// corners; fronts are inside. `[F]`
+/// The surface around `center` where `shell` is, but at least `min_radius` away, and the places of
+/// its corners on the picture; fronts are inside. `[F]`
 pub(super) fn closed_surface(
     center: Vec3,
     subdivisions: u32,
@@ -41,20 +41,21 @@ pub(super) fn closed_surface(
 ) -> (Mesh, Vec<[Vec2; 3]>) {
     let (corners, faces) = octasphere(subdivisions);
     let distances = match shell {
-        Some(shell) => distances(&corners, &faces, &|way| farthest(shell, center, way)),
+        Some(shell) => distances(&corners, &faces, &|ray| shell_distance(shell, center, ray)),
         None => vec![min_radius; corners.len()],
     };
     let faces: Vec<[usize; 3]> =
         faces.into_iter().map(|[a, b, c]| [a, c, b].map(|i| i as usize)).collect();
     let at = |i: usize| center + corners[i] * distances[i].max(min_radius);
-    let uvs = faces.iter().map(|face| places(face.map(|i| corners[i]))).collect();
+    let uvs = faces.iter().map(|face| face_places(face.map(|i| corners[i]))).collect();
     let positions: Vec<Vec3> = faces.into_iter().flatten().map(at).collect();
     let colors = Colors::Face(vec![[0.0; 3]; positions.len() / 3]);
     (Mesh { positions, colors, ..Mesh::default() }, uvs)
 }
 
-/// Places of the corners of a face that crosses no edge of the picture.
-fn places(corners: [Vec3; 3]) -> [Vec2; 3] {
+/// Places of a face's corners, moved across the edges of the picture so that the face is in one
+/// piece.
+fn face_places(corners: [Vec3; 3]) -> [Vec2; 3] {
     let middle = place(corners.into_iter().sum());
     // The first and the last column are one direction, and all columns meet in a pole.
     let nearest_place =
@@ -70,10 +71,10 @@ fn places(corners: [Vec3; 3]) -> [Vec2; 3] {
     })
 }
 
-/// Distance of the shell in a direction.
-fn farthest(shell: &Mesh, center: Vec3, way: Vec3) -> Option<f32> {
+/// Distance of the farthest face of the shell in a direction.
+fn shell_distance(shell: &Mesh, center: Vec3, ray: Vec3) -> Option<f32> {
     let hits = (0..shell.face_count())
-        .filter_map(|face| ray_triangle_distance(shell.corners(face), center, way));
+        .filter_map(|face| ray_triangle_distance(shell.corners(face), center, ray));
     hits.reduce(f32::max)
 }
 
@@ -85,18 +86,16 @@ fn distances(
     shell_distance: &dyn Fn(Vec3) -> Option<f32>,
 ) -> Vec<f32> {
     // In logarithms, so that twice and half the distance count equally.
-    let shell_distance: Vec<Option<f32>> =
+    let shell_logs: Vec<Option<f32>> =
         corners.iter().map(|corner| shell_distance(*corner).map(f32::ln)).collect();
     let typical =
-        median(shell_distance.iter().flatten().copied().collect(), f32::total_cmp).unwrap_or(0.0);
+        median(shell_logs.iter().flatten().copied().collect(), f32::total_cmp).unwrap_or(0.0);
     let mut logs: Vec<f32> =
-        shell_distance.iter().map(|shell_distance| shell_distance.unwrap_or(typical)).collect();
+        shell_logs.iter().map(|shell_log| shell_log.unwrap_or(typical)).collect();
     for _ in 0..ROUNDS {
-        let mut sums: Vec<[f32; 2]> = shell_distance
+        let mut sums: Vec<[f32; 2]> = shell_logs
             .iter()
-            .map(|shell_distance| {
-                shell_distance.map_or([0.0; 2], |log| [SHELL_WEIGHT * log, SHELL_WEIGHT])
-            })
+            .map(|shell_log| shell_log.map_or([0.0; 2], |log| [SHELL_WEIGHT * log, SHELL_WEIGHT]))
             .collect();
         for face in faces {
             for k in 0..3 {
@@ -114,8 +113,8 @@ fn distances(
 
 // ---- Shared by backdrops and skies ---------------------------------------------------
 
-/// Below this covered share of a picture, or unmasked share of a photo, the scene is an object
-/// without background.
+/// Minimum share of the drawn pictures that show the scene, and of the photos' pixels outside masks,
+/// below which the scene is an object without background.
 pub(super) const MIN_COVERED: f64 = 0.8;
 /// Radius of the sphere as a multiple of the distance of the farthest vertex or camera.
 pub(super) const RADIUS_FACTOR: f32 = 1.2;

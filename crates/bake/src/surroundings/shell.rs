@@ -41,7 +41,7 @@ pub(crate) fn recognise_shell(scene: &mut Scene, when: BackdropWhen) {
 pub(crate) fn take_shell(mesh: &mut Mesh, cameras: &[Camera]) -> Mesh {
     let mut shell = mesh.take_shell();
     shell.shell.clear();
-    let middle = middle(&shell, cameras);
+    let middle = shell_center(&shell, cameras);
     for face in 0..shell.face_count() {
         if shell.flat_normal(face).dot(middle - shell.centroid(face)) < 0.0 {
             shell.flip(face);
@@ -52,7 +52,11 @@ pub(crate) fn take_shell(mesh: &mut Mesh, cameras: &[Camera]) -> Mesh {
 
 /// True if a `shell` cut into quarters has room beside the `scene_faces` of the scene, within the
 /// `budget` too.
-pub(crate) fn is_quartered(shell: &Mesh, scene_faces: usize, budget: &TriangleBudget) -> bool {
+pub(crate) fn has_room_for_quarters(
+    shell: &Mesh,
+    scene_faces: usize,
+    budget: &TriangleBudget,
+) -> bool {
     let quarters = 4 * shell.face_count();
     let fits_total = budget.total.is_none_or(|total| (scene_faces + quarters) as u64 <= total);
     let fits = fits_total && budget.surroundings.is_none_or(|budget| quarters as u64 <= budget);
@@ -61,7 +65,7 @@ pub(crate) fn is_quartered(shell: &Mesh, scene_faces: usize, budget: &TriangleBu
 
 /// Cuts each face of `shell` into four. Each vertex gets the mean colour of the faces that it is
 /// part of, so colours run softly; faces of one colour each look like gems.
-pub(crate) fn quarter(shell: &Mesh) -> Mesh {
+pub(crate) fn quarter_faces(shell: &Mesh) -> Mesh {
     let mut sums: HashMap<[u32; 3], (Vec3, f32)> = HashMap::new();
     let mut positions = Vec::with_capacity(12 * shell.face_count());
     for face in 0..shell.face_count() {
@@ -87,7 +91,7 @@ pub(crate) fn quarter(shell: &Mesh) -> Mesh {
 
 /// The middle of `cameras`, or that of `shell`: where it is open to one side, this may lie behind
 /// some of it.
-pub(crate) fn middle(shell: &Mesh, cameras: &[Camera]) -> Vec3 {
+pub(crate) fn shell_center(shell: &Mesh, cameras: &[Camera]) -> Vec3 {
     if cameras.is_empty() {
         mean((0..shell.face_count()).map(|face| shell.centroid(face)))
     } else {
@@ -103,7 +107,7 @@ pub(crate) fn simplified_shell(
     cameras: &[Camera],
     max_faces: u64,
 ) -> Mesh {
-    let center = middle(shell, cameras);
+    let center = shell_center(shell, cameras);
     let reach = corners.map(|corner| corner.distance(center)).fold(0.0, f32::max);
     close_surface(shell, center, RADIUS_FACTOR * reach, max_faces).unwrap_or_default()
 }
@@ -164,7 +168,7 @@ mod tests {
     #[test]
     fn a_cut_shell_has_the_same_surface_in_quarters_and_no_gap() {
         let shell = take_shell(&mut scene(0), &[]);
-        let quarters = quarter(&shell);
+        let quarters = quarter_faces(&shell);
         assert_eq!(quarters.face_count(), 4 * shell.face_count());
         let mut edges = HashMap::new();
         for face in 0..quarters.face_count() {
@@ -187,7 +191,7 @@ mod tests {
     fn colours_of_a_cut_shell_run_from_face_to_face() {
         let mut shell = take_shell(&mut scene(0), &[]);
         shell.colors = Colors::Face((0..8).map(|face| [face as f32 / 8.0; 3]).collect());
-        let quarters = quarter(&shell);
+        let quarters = quarter_faces(&shell);
         let mut at = HashMap::new();
         for face in 0..quarters.face_count() {
             for (place, color) in
@@ -207,7 +211,7 @@ mod tests {
     #[test]
     fn a_shell_is_cut_only_where_there_is_room() {
         let has_room = |shell: &Mesh, scene_faces: usize, total: Option<u64>| {
-            is_quartered(shell, scene_faces, &TriangleBudget::new(total))
+            has_room_for_quarters(shell, scene_faces, &TriangleBudget::new(total))
         };
         let shell = take_shell(&mut scene(0), &[]);
         assert!(has_room(&shell, 64, None) && !has_room(&shell, 63, None));
@@ -215,7 +219,7 @@ mod tests {
         assert!(has_room(&shell, 300, Some(332)) && !has_room(&shell, 300, Some(331)));
         let mut large = shell;
         while has_room(&large, 1 << 20, None) {
-            large = quarter(&large);
+            large = quarter_faces(&large);
         }
         assert_eq!(large.face_count(), 8192);
     }

@@ -28,7 +28,7 @@ use trisplat_scene::{Error, Result};
 /// Maximum number of texels along an edge.
 const MAX_SIDE: u32 = 1024;
 /// Free texels around every triangle with more than one, so that the next mip level does not bleed
-/// either; an even number keeps its texels whole.
+/// either; an even number keeps its texels texels_of.
 const GUTTER: u32 = 2;
 /// Ratio of successive densities that are tried where the texels do not fit.
 const DENSITY_STEP: f64 = 0.9;
@@ -57,12 +57,12 @@ impl TexturePatch {
         let right = (longest + 2) % 3;
         let first = edges[right];
         let second = edges[(longest + 1) % 3];
-        let whole = |px: f32| match f64::from(px) * texels_per_pixel {
+        let texels_of = |px: f32| match f64::from(px) * texels_per_pixel {
             ..1.0 => 1,
-            texels => sizes_up(texels.ceil().min(f64::from(MAX_SIDE)) as u32 + 1),
+            texels => round_up_size(texels.ceil().min(f64::from(MAX_SIDE)) as u32 + 1),
         };
-        let along = whole(first);
-        let across = whole(second);
+        let along = texels_of(first);
+        let across = texels_of(second);
         let order = [right, (right + 1) % 3, (right + 2) % 3];
         let corner = UVec2::ZERO;
         let turned = false;
@@ -79,8 +79,8 @@ impl TexturePatch {
         }
     }
 
-    /// Free texels around it. One texel is never drawn at another level: nothing changes from one
-    /// corner to another.
+    /// Free texels around it. A single texel needs none: all points of its face sample its middle,
+    /// so the finest mip level is drawn.
     fn gutter(&self) -> u32 {
         if self.size == UVec2::ONE { 0 } else { GUTTER }
     }
@@ -117,30 +117,32 @@ impl TexturePatch {
     pub(super) fn texels(&self) -> impl Iterator<Item = (UVec2, [f32; 3])> + use<> {
         let Self { corner, size, turned, order } = *self;
         let legs = (size - 1).as_vec2();
-        let per = Vec2::new(1.0 / legs.x.max(1.0), 1.0 / legs.y.max(1.0));
-        let line = size.y == 1;
+        let texel_size = Vec2::new(1.0 / legs.x.max(1.0), 1.0 / legs.y.max(1.0));
+        let is_line = size.y == 1;
         // Beyond the corners, where rounding may lead.
-        let end = if line { UVec2::new(size.x - 1, 0) } else { size };
+        let end = if is_line { UVec2::new(size.x - 1, 0) } else { size };
         (0..=end.y).flat_map(move |j| (0..=end.x).map(move |i| UVec2::new(i, j))).filter_map(
             move |at| {
-                let before = (at.as_vec2() - 1.0) * per;
-                if !line && before.x + before.y >= 1.0 - 1e-6 {
+                let previous = (at.as_vec2() - 1.0) * texel_size;
+                if !is_line && previous.x + previous.y >= 1.0 - 1e-6 {
                     return None;
                 }
-                let within = (at.as_vec2() * per).min(Vec2::ONE);
-                let within = (within - (within.element_sum() - 1.0).max(0.0) / 2.0).max(Vec2::ZERO);
+                let nearest = (at.as_vec2() * texel_size).min(Vec2::ONE);
+                let nearest =
+                    (nearest - (nearest.element_sum() - 1.0).max(0.0) / 2.0).max(Vec2::ZERO);
                 let mut weights = [0.0; 3];
-                weights[order[1]] = within.x;
-                weights[order[2]] = within.y;
-                weights[order[0]] = (1.0 - within.element_sum()).max(0.0);
+                weights[order[1]] = nearest.x;
+                weights[order[2]] = nearest.y;
+                weights[order[0]] = (1.0 - nearest.element_sum()).max(0.0);
                 Some((if turned { corner - at } else { corner + at }, weights))
             },
         )
     }
 }
 
-/// The next larger size of few: rectangles of one size share shelves and are sorted by colour.
-fn sizes_up(texels: u32) -> u32 {
+/// Rounds up to a multiple of an eighth of the next power of two: the fewer sizes there are, the more
+/// rectangles share a shelf, where they are sorted by colour.
+fn round_up_size(texels: u32) -> u32 {
     let step = (texels.next_power_of_two() / 8).max(1);
     texels.next_multiple_of(step)
 }
@@ -181,9 +183,9 @@ impl Atlas {
         }
     }
 
-    /// Finds a place for every patch on the smallest texture that holds them; false when none of at
-    /// most `most` by `most` does.
-    fn pack(&mut self, colors: &[u32], max_height: u32) -> bool {
+    /// Finds a place for every patch on the smallest texture that holds them; false when none with
+    /// sides of at most `max_side` texels does.
+    fn pack(&mut self, colors: &[u32], max_side: u32) -> bool {
         let mut faces: Vec<u32> = (0..self.patches.len() as u32).collect();
         faces.par_sort_unstable_by_key(|face| {
             let size = self.patches[*face as usize].size;
@@ -192,8 +194,8 @@ impl Atlas {
         let texels: u64 =
             self.patches.iter().map(|p| u64::from(p.size.element_product()) / 2).sum();
         let mut side = 64.max((texels as f64).sqrt() as u32 / 2).next_power_of_two();
-        while side <= max_height {
-            if let Some(height) = self.place(&faces, side, side) {
+        while side <= max_side {
+            if let Some(height) = self.fill_shelves(&faces, side, side) {
                 self.size = UVec2::new(side, height.next_power_of_two().max(1));
                 return true;
             }
@@ -202,9 +204,9 @@ impl Atlas {
         false
     }
 
-    /// Places patches in this order on shelves `width` wide; returns how high they are together,
-    /// unless that is above `most`.
-    fn place(&mut self, faces: &[u32], width: u32, most: u32) -> Option<u32> {
+    /// Places patches in this order on shelves `width` wide; returns their height together, unless
+    /// that is above `max_height`.
+    fn fill_shelves(&mut self, faces: &[u32], width: u32, max_height: u32) -> Option<u32> {
         let mut at = UVec2::ZERO;
         let mut shelf = 0;
         let mut next = 0;
@@ -219,7 +221,7 @@ impl Atlas {
                 shelf = 0;
             }
             shelf = shelf.max(rectangle.y);
-            if at.y + shelf > most {
+            if at.y + shelf > max_height {
                 return None;
             }
             let first = at + patch.gutter();
@@ -364,8 +366,8 @@ pub(super) fn footprints(mesh: &Mesh, views: &Views) -> Vec<[f32; 3]> {
     lengths.iter().map(|sums| [0, 1, 2].map(|i| sums[i] / sums[3].max(1.0))).collect()
 }
 
-/// Lengths of the edges of a triangle in a picture, px. Of one that begins behind the camera the
-/// length that it would have in its middle.
+/// Lengths of the edges of a triangle in a picture, px. An edge with an end behind the near plane
+/// counts as if all of it had the depth of its middle.
 fn edges(corners: [Vec3; 3], camera: &Camera, near: f32) -> [f32; 3] {
     let corners = corners.map(|v| camera.rotation * v + camera.translation);
     let length = |p: Vec3, q: Vec3| {

@@ -15,7 +15,7 @@
 //! Sums are whole numbers: their order, and with it the number of threads, does not matter.
 
 use super::atlas::Layout;
-use super::best::{BestPhotos, PhotoCandidates};
+use super::best_photos::{BestPhotos, PhotoCandidates};
 use crate::views::Views;
 use glam::{UVec2, Vec2};
 use std::sync::atomic::{AtomicI32, Ordering};

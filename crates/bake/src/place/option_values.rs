@@ -1,4 +1,4 @@
-//! Structured values of options: an up axis and a known length.
+//! Option values with a text form of their own: an up direction and a known length.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};

@@ -23,8 +23,8 @@ const CANDIDATES: usize = 6;
 const SEAM_COST: f32 = 0.4;
 /// A difference from the mean colour that costs as much as having no quality, sRGB codes.
 const MAX_COLOR_DIFFERENCE: f32 = 48.0;
-/// The brightness gradient that every pixel has at least, codes: of even surfaces the largest
-/// picture is the best one.
+/// Minimum brightness gradient of a pixel, codes: the best photo of an even surface is then the one
+/// with most pixels of it.
 const MIN_GRADIENT: u64 = 2;
 /// Rounds of belief propagation.
 const ROUNDS: usize = 12;
@@ -47,27 +47,31 @@ pub(super) struct PhotoCandidates {
     of_face: Vec<[PhotoCandidate; CANDIDATES]>,
     /// Sum of colours over the pixels of all photos, and their number. `[F]`
     sums: Vec<[f32; 4]>,
-    /// Pixels, gradients and colours of one photo. `[F]`
-    here: Vec<[AtomicU64; 5]>,
+    /// Number of pixels, sum of gradients and sums of three channels in the present photo. `[F]`
+    photo_sums: Vec<[AtomicU64; 5]>,
 }
 
 impl PhotoCandidates {
     /// None yet of `faces` faces.
     pub(super) fn new(faces: usize) -> Self {
-        let mut here = Vec::new();
-        here.resize_with(faces, Default::default);
-        Self { of_face: vec![[NO_CANDIDATE; CANDIDATES]; faces], sums: vec![[0.0; 4]; faces], here }
+        let mut photo_sums = Vec::new();
+        photo_sums.resize_with(faces, Default::default);
+        Self {
+            of_face: vec![[NO_CANDIDATE; CANDIDATES]; faces],
+            sums: vec![[0.0; 4]; faces],
+            photo_sums,
+        }
     }
 
     /// Adds a photo.
     pub(super) fn add(&mut self, view: usize, photo: &RgbImage, visibility: &Visibility) {
-        let here = &self.here;
-        parallel::for_each(0..photo.size.y, |_, y| add_row(here, photo, visibility, y));
+        let photo_sums = &self.photo_sums;
+        parallel::for_each(0..photo.size.y, |_, y| add_row(photo_sums, photo, visibility, y));
         let mut all: Vec<_> =
-            self.of_face.iter_mut().zip(&mut self.sums).zip(&mut self.here).collect();
-        parallel::for_each_mut(&mut all, GRAIN, |_, ((candidates, sums), here)| {
+            self.of_face.iter_mut().zip(&mut self.sums).zip(&mut self.photo_sums).collect();
+        parallel::for_each_mut(&mut all, GRAIN, |_, ((candidates, sums), photo_sums)| {
             let [pixels, gradient, rgb @ ..] =
-                here.each_mut().map(|sum| std::mem::take(sum.get_mut()));
+                photo_sums.each_mut().map(|sum| std::mem::take(sum.get_mut()));
             if pixels == 0 {
                 return;
             }
@@ -76,26 +80,26 @@ impl PhotoCandidates {
             }
             sums[3] += pixels as f32;
             let color = rgb.map(|sum| sum as f32 / pixels as f32);
-            let found = PhotoCandidate {
+            let candidate = PhotoCandidate {
                 view: view as u32,
                 quality: (gradient + MIN_GRADIENT * pixels) as f32,
                 color,
             };
             let at = candidates
-                .partition_point(|other| other.view != NONE && other.quality >= found.quality);
+                .partition_point(|other| other.view != NONE && other.quality >= candidate.quality);
             if at < CANDIDATES {
                 candidates[at..].rotate_right(1);
-                candidates[at] = found;
+                candidates[at] = candidate;
             }
         });
     }
 
     /// The best photo of every face of `mesh`.
     pub(super) fn best(self, mesh: &Mesh) -> BestPhotos {
-        let vertices = welded(mesh);
+        let vertices = number_places(mesh);
         let costs: Vec<[f32; CANDIDATES]> = self.costs();
-        let beside = links(&vertices);
-        let label = propagated(&self.of_face, &costs, &beside);
+        let neighbours = neighbour_pairs(&vertices);
+        let label = choose_labels(&self.of_face, &costs, &neighbours);
         let view =
             label.iter().zip(&self.of_face).map(|(label, of_face)| of_face[*label as usize].view);
         BestPhotos { view: view.collect(), vertices }
@@ -107,11 +111,12 @@ impl PhotoCandidates {
                 if candidate.view == NONE {
                     return f32::INFINITY;
                 }
-                let away = (0..3)
+                let color_distance = (0..3)
                     .map(|c| (candidate.color[c] - sums[c] / sums[3]).powi(2))
                     .sum::<f32>()
                     .sqrt();
-                1.0 - candidate.quality / candidates[0].quality + away / MAX_COLOR_DIFFERENCE
+                1.0 - candidate.quality / candidates[0].quality
+                    + color_distance / MAX_COLOR_DIFFERENCE
             })
         };
         self.of_face.iter().zip(&self.sums).map(cost).collect()
@@ -119,7 +124,7 @@ impl PhotoCandidates {
 }
 
 /// Adds a row of pixels to the sums of the faces that they show.
-fn add_row(here: &[[AtomicU64; 5]], photo: &RgbImage, visibility: &Visibility, y: u32) {
+fn add_row(photo_sums: &[[AtomicU64; 5]], photo: &RgbImage, visibility: &Visibility, y: u32) {
     let width = photo.size.x as usize;
     let below = if y + 1 < photo.size.y { width } else { 0 };
     let brightness = |at: usize| photo.rgb[at].iter().map(|c| i32::from(*c)).sum::<i32>();
@@ -130,10 +135,10 @@ fn add_row(here: &[[AtomicU64; 5]], photo: &RgbImage, visibility: &Visibility, y
             continue;
         }
         let right = if x + 1 < width { 1 } else { 0 };
-        let here_is = brightness(at);
+        let center = brightness(at);
         let gradient =
-            (brightness(at + right) - here_is).abs() + (brightness(at + below) - here_is).abs();
-        let sums = &here[face as usize];
+            (brightness(at + right) - center).abs() + (brightness(at + below) - center).abs();
+        let sums = &photo_sums[face as usize];
         let add = |sum: &AtomicU64, x: u64| sum.fetch_add(x, Ordering::Relaxed);
         add(&sums[0], 1);
         add(&sums[1], (gradient / 3) as u64);
@@ -172,12 +177,15 @@ impl BestPhotos {
         let key = |corner: usize| {
             u64::from(self.vertices[corner]) << 32 | u64::from(self.view[corner / 3])
         };
-        numbered(self.vertices.len(), key)
+        number_by_key(self.vertices.len(), key)
     }
 }
 
 /// Numbers for corners by their keys: equal ones have the same.
-fn numbered<K: Ord + Send + Sync>(corners: usize, key: impl Fn(usize) -> K + Sync) -> Vec<u32> {
+fn number_by_key<K: Ord + Send + Sync>(
+    corners: usize,
+    key: impl Fn(usize) -> K + Sync,
+) -> Vec<u32> {
     let mut order: Vec<u32> = (0..corners as u32).collect();
     order.par_sort_unstable_by_key(|corner| key(*corner as usize));
     let mut numbers = vec![0; corners];
@@ -190,12 +198,12 @@ fn numbered<K: Ord + Send + Sync>(corners: usize, key: impl Fn(usize) -> K + Syn
 }
 
 /// Numbers of the places of corners. `[F * 3]`
-fn welded(mesh: &Mesh) -> Vec<u32> {
+fn number_places(mesh: &Mesh) -> Vec<u32> {
     let place = |corner: usize| {
         let vertex = mesh.face(corner / 3)[corner % 3];
         place_bits(mesh.positions[vertex as usize])
     };
-    numbered(3 * mesh.face_count(), place)
+    number_by_key(3 * mesh.face_count(), place)
 }
 
 /// Pairs of faces with a common edge, both ways, sorted by their first face.
@@ -208,7 +216,8 @@ struct FacePairs {
     back: Vec<u32>,
 }
 
-fn links(vertices: &[u32]) -> FacePairs {
+/// `vertices` are the numbers of corners, equal at one place. `[F * 3]`
+fn neighbour_pairs(vertices: &[u32]) -> FacePairs {
     let edge = |at: usize| {
         let face = at / 3;
         let k = at % 3;
@@ -238,19 +247,19 @@ fn links(vertices: &[u32]) -> FacePairs {
     FacePairs { first, other: pairs.into_iter().map(|pair| pair.1).collect(), back }
 }
 
-/// The number of the candidate that every face takes.
-fn propagated(
+/// The number of the candidate that every face takes, by belief propagation. `[F]`
+fn choose_labels(
     of_face: &[[PhotoCandidate; CANDIDATES]],
     costs: &[[f32; CANDIDATES]],
-    beside: &FacePairs,
+    neighbours: &FacePairs,
 ) -> Vec<u32> {
     // Belief-propagation messages, one per directed pair of neighbours.
-    let mut messages = vec![[0.0f32; CANDIDATES]; beside.other.len()];
-    let pairs = |face: usize| beside.first[face] as usize..beside.first[face + 1] as usize;
+    let mut messages = vec![[0.0f32; CANDIDATES]; neighbours.other.len()];
+    let pairs = |face: usize| neighbours.first[face] as usize..neighbours.first[face + 1] as usize;
     let belief = |messages: &[[f32; CANDIDATES]], face: usize| {
         let mut sum = costs[face];
         for pair in pairs(face) {
-            let from = &messages[beside.back[pair] as usize];
+            let from = &messages[neighbours.back[pair] as usize];
             for (sum, message) in sum.iter_mut().zip(from) {
                 *sum += message;
             }
@@ -258,15 +267,15 @@ fn propagated(
         sum
     };
     for _ in 0..ROUNDS {
-        let of_pairs = |face: usize| {
+        let messages_from = |face: usize| {
             let all = belief(&messages, face);
             let messages = &messages;
             pairs(face).map(move |pair| {
-                let back = &messages[beside.back[pair] as usize];
+                let back = &messages[neighbours.back[pair] as usize];
                 let without: [f32; CANDIDATES] = std::array::from_fn(|l| all[l] - back[l]);
                 let least =
                     without.iter().copied().filter(|x| x.is_finite()).fold(f32::INFINITY, f32::min);
-                let other = &of_face[beside.other[pair] as usize];
+                let other = &of_face[neighbours.other[pair] as usize];
                 other.map(|candidate| {
                     if candidate.view == NONE || !least.is_finite() {
                         return 0.0;
@@ -277,7 +286,7 @@ fn propagated(
             })
         };
         let next = parallel::ranges(of_face.len(), 1 << 10, |faces| {
-            faces.flat_map(of_pairs).collect::<Vec<_>>()
+            faces.flat_map(messages_from).collect::<Vec<_>>()
         });
         messages = next.concat();
     }
