@@ -287,9 +287,13 @@ fn capture_row(stage: &StageReport) -> Option<String> {
     if let Some(MatchesDetails { how, pairs }) = stage.details_as() {
         return Some(pairs.map_or(how.clone(), |pairs| format!("{}, {how}", many(pairs, "pair"))));
     }
-    if let Some(ModelDetails { mapper, registered, photos, models }) = stage.details_as() {
+    if let Some(ModelDetails { mapper, registered, photos, models, straight }) = stage.details_as()
+    {
         let parts = if models > 1 { format!(", in {models} parts") } else { String::new() };
-        return Some(format!("{registered} of {photos} photos have a pose{parts} ({mapper})"));
+        let lens = if straight { ", lens without distortion" } else { "" };
+        return Some(format!(
+            "{registered} of {photos} photos have a pose{parts} ({mapper}{lens})"
+        ));
     }
     stage.details_as::<VerdictDetails>().map(|details| verdict(&details))
 }

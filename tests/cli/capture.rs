@@ -197,6 +197,38 @@ fn photos_without_poses_are_counted_and_advice_is_given() {
 }
 
 #[test]
+fn a_lens_that_folds_over_is_found_again_without_distortion() {
+    let fake = Fake::new();
+    copy_folder(&fake.at("model"), &fake.at("straight"));
+    let cameras = fake.at("model/cameras.txt");
+    let text = std::fs::read_to_string(&cameras).unwrap();
+    let folded = text.replace(" PINHOLE 160 120 168 167.2 ", " SIMPLE_RADIAL 160 120 168 ");
+    let folded = folded.trim_end().to_owned() + " -9\n";
+    std::fs::write(&cameras, folded).unwrap();
+    let said = fake.succeed(&CAPTURE);
+    assert!(said.contains("40 of 40 photos have a pose (incremental, lens without"), "{said}");
+    assert!(said.contains("one focal length without distortion; photos from other"), "{said}");
+    let mappers: Vec<String> =
+        fake.calls().into_iter().filter(|call| call.starts_with("mapper")).collect();
+    assert_eq!(mappers.len(), 2, "{mappers:?}");
+    assert!(mappers[1].ends_with("--Mapper.ba_refine_extra_params 0"), "{mappers:?}");
+    assert_eq!(Dataset::load(fake.at("set"), &DatasetOptions::default()).unwrap().views.len(), 40);
+    let again = fake.succeed(&CAPTURE);
+    assert!(again.contains("one focal length without distortion"), "known later too: {again}");
+
+    // A model from before, or another's, whose every photo has that lens.
+    copy_folder(&fake.at("model"), &fake.at("set/sparse/0"));
+    let error = fake.error(&["train", "set", "-o", "a.ply"]);
+    for part in ["folds over", "no photo is left: all 40 fail", "a simpler lens"] {
+        assert!(error.contains(part), "{error}");
+    }
+    assert!(!error.contains("--skip-broken"), "{error}");
+    let mended = fake.succeed(&CAPTURE);
+    assert!(mended.contains("lens without distortion"), "{mended}");
+    assert_eq!(Dataset::load(fake.at("set"), &DatasetOptions::default()).unwrap().views.len(), 40);
+}
+
+#[test]
 fn what_is_missing_or_fails_is_one_error_with_its_remedy() {
     let fake = Fake::new();
     let nothing = fake.at("empty");

@@ -221,6 +221,11 @@ impl ModelFiles {
         read(&self.folder, limits, observations)
     }
 
+    /// True if the distortion of one of its perspective lenses folds over inside the photos.
+    pub(super) fn has_folded_lens(&self, limits: &Limits) -> Result<bool> {
+        Ok(self.model(limits, false)?.cameras.values().any(Lens::folds))
+    }
+
     /// The file of its points, which may be missing.
     fn point_file(&self) -> PathBuf {
         self.folder.join(if self.binary { "points3D.bin" } else { "points3D.txt" })

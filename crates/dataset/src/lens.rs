@@ -120,6 +120,12 @@ impl Lens {
         Some(self.distortion.projection.ray(self.direction(pixel)?))
     }
 
+    /// True for a perspective lens whose distortion folds over inside the photo.
+    pub(crate) fn folds(&self) -> bool {
+        let is_flat = self.distortion.projection == LensProjection::Perspective;
+        is_flat && inner_rectangle(self).is_none()
+    }
+
     /// The pixel of flat coordinates, in a perspective lens (x / z, y / z); px.
     pub fn project(&self, direction: DVec2) -> DVec2 {
         self.focal * self.distortion.distort(direction) + self.center
@@ -221,7 +227,8 @@ impl Undistort {
     /// inside the photo or leaves nothing of it.
     pub(crate) fn new(lens: &Lens) -> Result<Self, String> {
         let (low, high) = inner_rectangle(lens).ok_or(
-            "the distortion folds over inside the photo: its coefficients cannot be right",
+            "the distortion folds over inside the photo, so its coefficients cannot be right; find the poses again with a simpler lens \
+             (COLMAP's SIMPLE_RADIAL, or SIMPLE_PINHOLE), or with `trisplat capture`",
         )?;
         let size = (high - low).floor();
         let visible = size.min_element() >= 1.0;

@@ -233,10 +233,14 @@ fn open_views(
         found.warnings.push(format!("{first}{}", also(resized.len())));
     }
     if let Some((photo, error)) = broken.first() {
+        let at = format!("photo `{}`", photo.name);
+        if broken.len() == total && total > 1 {
+            let reason = format!("{error}; no photo is left: all {total} fail");
+            return Err(Error::malformed(&found.list, at, reason));
+        }
         let broken = format!("{} missing or broken", count(broken.len()));
         if !options.skip_broken {
             let reason = format!("{error}; {broken}: repair them");
-            let at = format!("photo `{}`", photo.name);
             return Err(Error::broken_photos(&found.list, at, &reason));
         }
         found.warnings.push(format!("{broken} and left out, first {error}"));

@@ -259,6 +259,9 @@ fn left_out(
     }
     let folder = photo.path.parent().unwrap_or(&photo.path);
     let reason = format!("{first}; {broken}: repair or remove them");
+    if count == total && sources.videos.is_empty() {
+        return Err(Error::malformed(folder, "photos", reason));
+    }
     Err(Error::broken_photos(folder, "photos", &reason))
 }
 

@@ -46,6 +46,8 @@ def model(job):
     run = pycolmap.global_mapping if job["global"] else pycolmap.incremental_mapping
     options = pycolmap.GlobalPipelineOptions() if job["global"] else pycolmap.IncrementalPipelineOptions()
     given(options, random_seed=0, num_threads=job["threads"])
+    if job["straight"]:
+        given(options, ba_refine_extra_params=False)
     if hasattr(options, "mapper"):
         given(options.mapper, random_seed=0)
     run(job["database"], job["images"], job["output"], options=options)

@@ -26,6 +26,8 @@ const MAX_EXHAUSTIVE_PHOTOS: usize = 150;
 const NEIGHBOURS: usize = 10;
 /// Number of video frames that are all compared with each other, to close loops.
 const LANDMARKS: usize = 40;
+/// Folder of the models whose lens has no distortion.
+const STRAIGHT: &str = "straight";
 /// Share of registered photos below which the other mapper is tried too.
 const ENOUGH: f64 = 0.9;
 
@@ -63,6 +65,10 @@ pub struct ModelDetails {
     pub photos: u64,
     /// Number of separate models; the largest is kept.
     pub models: u64,
+    /// True for a lens of one focal length without distortion: the distortion that was found first
+    /// folds over inside the photos.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub straight: bool,
 }
 
 trisplat_scene::stage!(FeaturesDetails, "features");
@@ -88,9 +94,10 @@ struct FoundModel {
     details: ModelDetails,
 }
 
-/// True if the model is in its place.
+/// True if the model is in its place, and its lens can be right.
 pub(super) fn has_model(folder: &Path) -> bool {
-    colmap::locate(&folder.join("sparse").join("0")).is_some()
+    colmap::locate(&folder.join("sparse").join("0"))
+        .is_some_and(|model| !model.has_folded_lens(&Limits::DEFAULT).is_ok_and(|folds| folds))
 }
 
 /// Details of the model that an earlier run has put in its place.
@@ -117,7 +124,8 @@ pub(super) fn model_before(
             .filter(|d| d.registered > best.registered)
             .unwrap_or(best);
     }
-    Ok(best)
+    let straight = largest(&models.join(STRAIGHT), Mapper::Incremental, photos)?;
+    Ok(straight.map_or(best, |model| ModelDetails { straight: true, ..model.details }))
 }
 
 impl<'a> Poses<'a> {
@@ -247,7 +255,7 @@ impl<'a> Poses<'a> {
         for mapper in [Mapper::Incremental, Mapper::Global] {
             if asked == mapper || (asked == Mapper::Auto && (mapper == Mapper::Incremental || can))
             {
-                let (model, error) = self.mapped(mapper, observer)?;
+                let (model, error) = self.mapped(mapper, false, observer)?;
                 let registered =
                     |found: &Option<FoundModel>| found.as_ref().map(|m| m.details.registered);
                 // Ties: the first.
@@ -261,7 +269,11 @@ impl<'a> Poses<'a> {
                 }
             }
         }
-        let best = best.ok_or_else(|| failed.unwrap_or_else(|| self.no_model()))?;
+        let mut best = best.ok_or_else(|| failed.unwrap_or_else(|| self.no_model()))?;
+        let files = colmap::locate(&best.folder);
+        if files.is_some_and(|files| files.has_folded_lens(&Limits::DEFAULT).unwrap_or(false)) {
+            best = self.mapped(Mapper::Incremental, true, observer)?.0.unwrap_or(best);
+        }
         self.publish(&best.folder)?;
         Ok(best.details)
     }
@@ -280,20 +292,23 @@ impl<'a> Poses<'a> {
         made.publish("sparse")
     }
 
-    /// The best model of one mapper; otherwise none, and the error if there was one.
+    /// The best model of one mapper, of a `straight` lens or any; otherwise none, and the error if
+    /// there was one.
     fn mapped(
         &mut self,
         mapper: Mapper,
+        straight: bool,
         observer: StageObserver<'_>,
     ) -> Result<(Option<FoundModel>, Option<Error>)> {
-        let output = self.places.models.join(mapper.name());
+        let output = self.places.models.join(if straight { STRAIGHT } else { mapper.name() });
         if output.exists() {
             std::fs::remove_dir_all(&output).map_err(|e| Error::io(&output, e))?;
         }
         // Removed if it stays empty.
         let _made = MadeFolders::make(&output)?;
         let photos = self.photos.photos.len();
-        let mut command = self.program.model(&self.places, &output, mapper == Mapper::Global);
+        let at_once = mapper == Mapper::Global;
+        let mut command = self.program.model(&self.places, &output, at_once, straight);
         let ended: Ended = self.log.run(&mut command, observer, |line, observer| {
             let Some(registered) = registered(line) else { return Ok(()) };
             tell(observer, StageEvent::Progressed(registered as f64 / photos.max(1) as f64))?;
@@ -302,7 +317,10 @@ impl<'a> Poses<'a> {
                 StageEvent::Noted(&format!("{registered} of {photos} photos have a pose")),
             )
         })?;
-        let model = largest(&output, mapper, self.photos)?;
+        let mut model = largest(&output, mapper, self.photos)?;
+        if let Some(model) = &mut model {
+            model.details.straight = straight;
+        }
         // COLMAP exits with an error if photos do not fit together.
         let no_model = ["failed to create", "No good initial image pair", "no model"];
         let says = ended.said.iter().any(|line| no_model.iter().any(|words| line.contains(words)));
@@ -350,7 +368,13 @@ fn largest(output: &Path, mapper: Mapper, photos: &TakenPhotos) -> Result<Option
         let mapper = mapper.name().to_owned();
         FoundModel {
             folder,
-            details: ModelDetails { mapper, registered: registered as u64, photos, models: count },
+            details: ModelDetails {
+                mapper,
+                registered: registered as u64,
+                photos,
+                models: count,
+                straight: false,
+            },
         }
     }))
 }

@@ -192,12 +192,19 @@ impl Program {
         words.command
     }
 
-    /// The command that puts poses together, all at once or photo by photo.
-    pub(super) fn model(&self, places: &Places, output: &Path, at_once: bool) -> Command {
+    /// The command that puts poses together, all at once or photo by photo; with `straight` the lens
+    /// keeps straight lines straight.
+    pub(super) fn model(
+        &self,
+        places: &Places,
+        output: &Path,
+        at_once: bool,
+        straight: bool,
+    ) -> Command {
         if self.kind == ProgramKind::Pycolmap {
             return self.script(json!({
                 "step": "model", "database": places.database, "images": places.images, "output": output,
-                "global": at_once, "threads": self.threads,
+                "global": at_once, "straight": straight, "threads": self.threads,
             }));
         }
         let glomap = at_once && self.global == Some(GlobalMapper::Glomap);
@@ -208,6 +215,9 @@ impl Program {
         words.path("--output_path", output);
         if !at_once {
             words.known(&["Mapper"], "num_threads", &self.threads.to_string());
+        }
+        if straight {
+            words.known(&["Mapper"], "ba_refine_extra_params", "0");
         }
         words.command
     }

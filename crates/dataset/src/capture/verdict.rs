@@ -300,6 +300,13 @@ fn advice(details: &VerdictDetails, model: &ModelDetails) -> Vec<String> {
             model.models
         ));
     }
+    if model.straight {
+        advice.push(
+            "the distortion of the lens that was found first folds over inside the photos: the poses are those of one focal length \
+             without distortion; photos from other distances, with more around the subject, show the lens"
+                .into(),
+        );
+    }
     let mut of_photos = |names: &[String], [one, several]: [&str; 2], what: &str, remedy: &str| {
         let named = names.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
         match names.len() {
