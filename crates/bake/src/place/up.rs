@@ -39,8 +39,8 @@ const MIN_SHARE_OF_POINTS: f64 = 0.05;
 /// Minimum share of the triangles' area there that lies on a clear surface: triangles scatter about
 /// their surfaces, so every slice contains some.
 const MIN_SHARE_OF_AREA: f64 = 0.15;
-/// Minimum standard deviation of a clear surface along its narrow side, as a share of the distance of the
-/// cameras.
+/// Minimum standard deviation of a clear surface along its narrow side, as a share of the distance of
+/// the cameras.
 const MIN_WIDTH: f64 = 0.05;
 /// Number of samples that compare surfaces.
 const MAX_COMPARED_SAMPLES: usize = 4000;

@@ -28,7 +28,7 @@ use trisplat_scene::{Error, Result};
 /// Maximum number of texels along an edge.
 const MAX_SIDE: u32 = 1024;
 /// Free texels around every triangle with more than one, so that the next mip level does not bleed
-/// either; an even number keeps its texels texels_of.
+/// either; an even number keeps its texels whole.
 const GUTTER: u32 = 2;
 /// Ratio of successive densities that are tried where the texels do not fit.
 const DENSITY_STEP: f64 = 0.9;
