@@ -104,12 +104,12 @@ fn extract(
     progress: &mut StageProgress<'_>,
 ) -> Result<Option<Mesh>, ExtractError> {
     options.validate()?;
-    let chosen = if cameras.is_empty() { Viewpoints::of(scene, 0) } else { None };
-    let cameras = chosen.as_ref().map_or(cameras, |viewpoints| &viewpoints.cameras);
+    let viewpoints = if cameras.is_empty() { Viewpoints::of(scene, 0) } else { None };
+    let cameras = viewpoints.as_ref().map_or(cameras, |viewpoints| &viewpoints.cameras);
     if cameras.is_empty() {
         return Ok(None);
     }
-    details.viewpoints = chosen.as_ref().map(|viewpoints| viewpoints.kind);
+    details.viewpoints = viewpoints.as_ref().map(|viewpoints| viewpoints.kind);
     let pictures = pictures(&scene.scene, options.shell, cameras, progress.part(0.0, DRAWING));
     let Some(grid) = Grid::over(&pictures, part.map(|part| part.bounds), options)? else {
         return Ok(None);
@@ -130,17 +130,16 @@ fn extract(
         }
         None => (drop_small(&mut mesh, options.min_component), Holes::Small),
     };
-    details.components = pieces.kept;
+    details.components = pieces.remaining;
     details.small = pieces.dropped_faces;
     details.holes = fill(&mut mesh, holes);
-    let fewer =
-        options.max_triangles.map(|most| most as usize).filter(|most| mesh.face_count() > *most);
-    if let Some(most) = fewer {
+    let max_faces = options.max_triangles.map(|max_faces| max_faces as usize);
+    if let Some(max_faces) = max_faces.filter(|max_faces| mesh.face_count() > *max_faces) {
         // Noise that few triangles cannot show would only crease them.
         smooth(&mut mesh, SMOOTHING);
-        if let Some(simplified) = simplify(&mut mesh, most).map_err(ExtractError::Limit)? {
+        if let Some(simplified) = simplify(&mut mesh, max_faces).map_err(ExtractError::Limit)? {
             details.simplification_error = Some(simplified.error);
-            details.components = simplified.pieces.kept;
+            details.components = simplified.pieces.remaining;
             details.small += simplified.pieces.dropped_faces;
         }
     }

@@ -65,11 +65,11 @@ fn rings(mesh: &Mesh) -> Vec<Vec<u32>> {
 /// Takes one of the vertices after `at` from the borders.
 fn take(after: &mut BTreeMap<u32, Vec<u32>>, at: u32) -> Option<u32> {
     let next = after.get_mut(&at)?;
-    let taken = next.pop();
+    let vertex = next.pop();
     if next.is_empty() {
         after.remove(&at);
     }
-    taken
+    vertex
 }
 
 /// The vertices after each of the border, along the holes: several where borders touch.
@@ -112,19 +112,19 @@ fn close(mesh: &mut Mesh, ring: &[u32]) {
 /// Result of [`drop_small`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Components {
-    /// Pieces that are left.
-    pub(super) kept: u64,
+    /// Number of pieces that are left.
+    pub(super) remaining: u64,
     /// Faces of the others.
     pub(super) dropped_faces: u64,
 }
 
-/// Drops pieces of fewer than `least` faces, and vertices that no face uses. Faces are connected
+/// Drops pieces of fewer than `min_faces` faces, and vertices that no face uses. Faces are connected
 /// that share a vertex.
-pub(super) fn drop_small(mesh: &mut Mesh, least: u32) -> Components {
+pub(super) fn drop_small(mesh: &mut Mesh, min_faces: u32) -> Components {
     let pieces = pieces(mesh);
     let mut faces = vec![0u32; mesh.vertex_count()];
     pieces.iter().for_each(|piece| faces[*piece as usize] += 1);
-    keep_pieces(mesh, &pieces, |piece| faces[piece] > 0 && faces[piece] >= least)
+    keep_pieces(mesh, &pieces, |piece| faces[piece] > 0 && faces[piece] >= min_faces)
 }
 
 /// Drops pieces with less than `share` of the area of all; the largest stays.
@@ -134,8 +134,8 @@ pub(super) fn drop_small_areas(mesh: &mut Mesh, share: f64) -> Components {
     pieces.iter().enumerate().for_each(|(face, piece)| areas[*piece as usize] += mesh.area(face));
     let all = areas.iter().sum::<f64>();
     let largest = areas.iter().copied().fold(0.0, f64::max);
-    let least = f64::min(share * all, largest);
-    keep_pieces(mesh, &pieces, |piece| areas[piece] > 0.0 && areas[piece] >= least)
+    let min_area = f64::min(share * all, largest);
+    keep_pieces(mesh, &pieces, |piece| areas[piece] > 0.0 && areas[piece] >= min_area)
 }
 
 /// The first vertex of the piece that each face is in. `[F]`
@@ -151,9 +151,9 @@ fn pieces(mesh: &Mesh) -> Vec<u32> {
 /// Keeps some of the pieces, each named by its first vertex.
 fn keep_pieces(mesh: &mut Mesh, pieces: &[u32], stays: impl Fn(usize) -> bool) -> Components {
     let before = mesh.face_count();
-    let kept = (0..mesh.vertex_count()).filter(|piece| stays(*piece)).count() as u64;
+    let remaining = (0..mesh.vertex_count()).filter(|piece| stays(*piece)).count() as u64;
     mesh.retain(|face| stays(pieces[face] as usize));
-    Components { kept, dropped_faces: (before - mesh.face_count()) as u64 }
+    Components { remaining, dropped_faces: (before - mesh.face_count()) as u64 }
 }
 
 #[cfg(test)]
@@ -256,10 +256,10 @@ mod components_tests {
             opacity: Vec::new(),
             ..Mesh::default()
         };
-        let wants = Components { kept: 1, dropped_faces: 1 };
+        let wants = Components { remaining: 1, dropped_faces: 1 };
         assert_eq!(drop_small(&mut mesh, 2), wants);
         assert_eq!((mesh.face_count(), mesh.vertex_count()), (4, 6));
-        assert_eq!(drop_small(&mut mesh, 5), Components { kept: 0, dropped_faces: 4 });
+        assert_eq!(drop_small(&mut mesh, 5), Components { remaining: 0, dropped_faces: 4 });
         assert_eq!((mesh.face_count(), mesh.vertex_count()), (0, 0));
     }
 
@@ -274,8 +274,11 @@ mod components_tests {
             indices: (0..9).collect(),
             ..Mesh::default()
         };
-        assert_eq!(drop_small_areas(&mut mesh, 0.1), Components { kept: 2, dropped_faces: 1 });
-        assert_eq!(drop_small_areas(&mut mesh, 0.99), Components { kept: 1, dropped_faces: 1 });
+        assert_eq!(drop_small_areas(&mut mesh, 0.1), Components { remaining: 2, dropped_faces: 1 });
+        assert_eq!(
+            drop_small_areas(&mut mesh, 0.99),
+            Components { remaining: 1, dropped_faces: 1 }
+        );
         assert_eq!(mesh.area(0), 4.5);
     }
 }

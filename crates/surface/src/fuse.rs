@@ -1,6 +1,6 @@
 //! Signed distances from what the pictures saw: positive before the surface, negative behind it.
 
-use crate::grid::{Grid, SAMPLES, SIDE, block, place, within};
+use crate::grid::{Grid, SAMPLES, SIDE, block, offset_of, place};
 use crate::picture::{DepthPicture, FREE, ViewFrustum};
 use bytemuck::{Pod, Zeroable};
 use glam::{IVec3, Vec3};
@@ -48,7 +48,7 @@ impl Fusion {
         let mut sums = [Sums::default(); SAMPLES];
         for observer in observers.iter().filter(|observer| observer.sees(center, radius)) {
             for (local, sums) in sums.iter_mut().enumerate() {
-                self.observe(observer.picture, self.grid.sample(first + within(local)), sums);
+                self.observe(observer.picture, self.grid.sample(first + offset_of(local)), sums);
             }
         }
         self.finish(&sums)
@@ -57,19 +57,23 @@ impl Fusion {
     /// Adds a picture's observation of a sample.
     fn observe(&self, picture: &DepthPicture, sample: Vec3, sums: &mut Sums) {
         let q = picture.to_camera(sample);
-        let Some(seen) = picture.observe(q, self.truncation) else { return };
-        let distance = if seen.depth == FREE { FREE } else { (seen.depth - q.z) * seen.slant };
+        let Some(observation) = picture.observe(q, self.truncation) else { return };
+        let distance = if observation.depth == FREE {
+            FREE
+        } else {
+            (observation.depth - q.z) * observation.slant
+        };
         if distance < -self.truncation {
             return;
         }
-        let weight = seen.weight * self.trust(distance);
+        let weight = observation.weight * self.trust(distance);
         sums.distance += weight * distance.min(self.truncation);
         sums.weight += weight;
         sums.views += 1;
         if distance < self.truncation {
-            let color = picture.rgb[seen.pixel].map(|code| LINEAR[usize::from(code)]);
+            let color = picture.rgb[observation.pixel].map(|code| LINEAR[usize::from(code)]);
             // On a slanted ray the colour is that of a place beside the sample.
-            let weight = weight * seen.weight;
+            let weight = weight * observation.weight;
             sums.color += weight * Vec3::from(color);
             sums.color_weight += weight;
         }
@@ -83,8 +87,8 @@ impl Fusion {
         }
         // Behind an edge is soon free space again, which other rays see; depths that differ from
         // picture to picture must count alike.
-        let left = (1.0 + distance / self.truncation) / (1.0 - BEHIND);
-        left.min(1.0).powi(4)
+        let trust = (1.0 + distance / self.truncation) / (1.0 - BEHIND);
+        trust.min(1.0).powi(4)
     }
 
     fn finish(&self, sums: &[Sums; SAMPLES]) -> VoxelBlock {

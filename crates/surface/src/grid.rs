@@ -92,13 +92,13 @@ pub(super) fn block(number: u64) -> IVec3 {
 
 /// (block index, index in block) of a sample; `None` before the first block.
 pub(super) fn place(sample: IVec3) -> Option<(u64, usize)> {
-    let within = sample & (SIDE - 1);
-    let local = within.x + SIDE * (within.y + SIDE * within.z);
+    let offset = sample & (SIDE - 1);
+    let local = offset.x + SIDE * (offset.y + SIDE * offset.z);
     (sample.min_element() >= 0).then(|| (number(sample >> SIDE.ilog2() as i32), local as usize))
 }
 
-/// The sample at a place of a block, relative to the block's first.
-pub(super) fn within(local: usize) -> IVec3 {
+/// The offset of a sample from the first of its block, by its index in the block.
+pub(super) fn offset_of(local: usize) -> IVec3 {
     let local = local as i32;
     IVec3::new(local % SIDE, local / SIDE % SIDE, local / (SIDE * SIDE))
 }
@@ -108,13 +108,13 @@ fn extent(pictures: &[DepthPicture]) -> Option<(Vec3, Vec3)> {
     let pixels: usize = pictures.iter().map(|picture| picture.depth.len()).sum();
     let step = (pixels / POINTS).max(1) | 1;
     let of_picture = |picture: &DepthPicture| -> Vec<(f32, Vec3)> {
-        let seen = |pixel: usize| Some((picture.depth[pixel], picture.point(pixel)?));
-        (0..picture.depth.len()).step_by(step).filter_map(seen).collect()
+        let depth_and_point = |pixel: usize| Some((picture.depth[pixel], picture.point(pixel)?));
+        (0..picture.depth.len()).step_by(step).filter_map(depth_and_point).collect()
     };
-    let seen: Vec<(f32, Vec3)> = pictures.iter().flat_map(of_picture).collect();
-    let far = FAR * median(seen.iter().map(|(depth, _)| *depth).collect(), f32::total_cmp)?;
+    let observations: Vec<(f32, Vec3)> = pictures.iter().flat_map(of_picture).collect();
+    let far = FAR * median(observations.iter().map(|(depth, _)| *depth).collect(), f32::total_cmp)?;
     let points: Vec<Vec3> =
-        seen.into_iter().filter(|(depth, _)| *depth <= far).map(|(_, p)| p).collect();
+        observations.into_iter().filter(|(depth, _)| *depth <= far).map(|(_, p)| p).collect();
     let last = points.len().checked_sub(1)?;
     let mut low = Vec3::ZERO;
     let mut high = Vec3::ZERO;
@@ -172,7 +172,7 @@ mod tests {
     fn blocks_and_samples_have_their_numbers() {
         for at in [IVec3::ZERO, IVec3::new(7, 8, 9), IVec3::new(1000, 3, 16_000_000)] {
             let (of, local) = place(at).unwrap();
-            assert_eq!(block(of) * SIDE + within(local), at);
+            assert_eq!(block(of) * SIDE + offset_of(local), at);
         }
         assert_eq!(place(IVec3::new(0, -1, 0)), None);
     }

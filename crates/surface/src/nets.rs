@@ -2,7 +2,7 @@
 //! across every edge of the lattice that it crosses. Cells with an unobserved corner have none.
 
 use crate::fuse::DistanceField;
-use crate::grid::{Grid, SAMPLES, SIDE, block, within};
+use crate::grid::{Grid, SAMPLES, SIDE, block, offset_of};
 use glam::{IVec3, Vec3};
 use std::ops::Range;
 use trisplat_scene::mesh::{Colors, Mesh};
@@ -55,7 +55,7 @@ fn corners(
     cell: IVec3,
     local: usize,
 ) -> Option<[f32; CORNERS]> {
-    let inner = within(local).max_element() < SIDE - 1;
+    let inner = offset_of(local).max_element() < SIDE - 1;
     let distance = |i: usize| {
         if inner {
             let step = corner(i).dot(IVec3::new(1, SIDE, SIDE * SIDE));
@@ -77,7 +77,7 @@ fn block_vertices(field: &DistanceField, grid: &Grid, index: usize) -> BlockVert
     let first = block(field.numbers[index]) * SIDE;
     let mut out = BlockVertices::default();
     for local in 0..SAMPLES {
-        let cell = first + within(local);
+        let cell = first + offset_of(local);
         let Some(distances) = corners(field, index, cell, local) else { continue };
         for crossed in sheets(&distances) {
             let mut middle = Vec3::ZERO;
@@ -115,7 +115,7 @@ fn block_faces(field: &DistanceField, blocks: &[BlockVertices], index: usize) ->
     };
     let mut indices = Vec::new();
     for local in 0..SAMPLES {
-        let sample = first + within(local);
+        let sample = first + offset_of(local);
         let from = field.blocks[index].distance[local];
         if from.is_nan() {
             continue;
@@ -132,14 +132,14 @@ fn block_faces(field: &DistanceField, blocks: &[BlockVertices], index: usize) ->
             let around = around.map(|cell| vertex(cell, sample, axis));
             let [Some(p), Some(q), Some(r), Some(s)] = around else { continue };
             let ring = if from < 0.0 { [p, q, r, s] } else { [p, s, r, q] };
-            indices.extend(cut(ring));
+            indices.extend(triangulate(ring));
         }
     }
     indices
 }
 
-/// A quadrilateral cut along its shorter diagonal.
-fn cut(ring: [(u32, Vec3); 4]) -> [u32; 6] {
+/// Cuts a quadrilateral along its shorter diagonal.
+fn triangulate(ring: [(u32, Vec3); 4]) -> [u32; 6] {
     let [a, b, c, d] = ring.map(|(number, _)| number);
     let length = |i: usize, j: usize| ring[i].1.distance_squared(ring[j].1);
     if length(0, 2) <= length(1, 3) { [a, b, c, a, c, d] } else { [a, b, d, b, c, d] }
@@ -194,9 +194,9 @@ pub(super) fn sheets(distances: &[f32; CORNERS]) -> impl Iterator<Item = EdgeSet
                 // Corners of two signs, crosswise: those of the lesser weight are apart. Both cells
                 // of a face add in this order.
                 let [a, b, c, d] = ring.map(|corner| distances[corner]);
-                let apart = (a + c) + (b + d) >= 0.0;
+                let separate_sign = (a + c) + (b + d) >= 0.0;
                 (0..4)
-                    .filter(|k| inside[ring[*k]] == apart)
+                    .filter(|k| inside[ring[*k]] == separate_sign)
                     .for_each(|k| join(edges[(k + 3) % 4], edges[k]));
             }
             _ => {
@@ -261,14 +261,14 @@ mod tests {
             let crossed =
                 |e: &usize| (distances[EDGES[*e].0] < 0.0) != (distances[EDGES[*e].1] < 0.0);
             let all = (0..12).filter(crossed).fold(0, |set: EdgeSet, e| set | 1 << e);
-            let found: Vec<EdgeSet> = sheets(&distances).collect();
-            assert_eq!(found.iter().fold(0, |a, b| a | b), all, "{signs:08b}");
+            let cell_sheets: Vec<EdgeSet> = sheets(&distances).collect();
+            assert_eq!(cell_sheets.iter().fold(0, |a, b| a | b), all, "{signs:08b}");
             assert_eq!(
-                found.iter().map(|s| s.count_ones()).sum::<u32>(),
+                cell_sheets.iter().map(|s| s.count_ones()).sum::<u32>(),
                 all.count_ones(),
                 "{signs:08b}"
             );
-            assert!(found.iter().all(|sheet| sheet.count_ones() >= 3), "{signs:08b}");
+            assert!(cell_sheets.iter().all(|sheet| sheet.count_ones() >= 3), "{signs:08b}");
         }
     }
 }

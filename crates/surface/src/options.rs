@@ -70,9 +70,9 @@ impl SurfaceOptions {
     /// Of a surface that is to have few triangles no more than these can show: what noise adds
     /// beyond costs triangles, and collapses of edges tear it.
     pub(super) fn cells(&self) -> u32 {
-        let shown = |most: u32| (CELLS_PER_SIDE * f64::from(most).sqrt()) as u32;
+        let cells_of = |triangles: u32| (CELLS_PER_SIDE * f64::from(triangles).sqrt()) as u32;
         self.resolution.unwrap_or_else(|| {
-            self.max_triangles.map_or(MAX_CELLS, shown).clamp(MIN_CELLS, MAX_CELLS)
+            self.max_triangles.map_or(MAX_CELLS, cells_of).clamp(MIN_CELLS, MAX_CELLS)
         })
     }
 

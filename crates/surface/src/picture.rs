@@ -213,18 +213,20 @@ fn close_cracks(depth: &[f32], size: UVec2) -> Vec<f32> {
         .flat_map(|y| (-CRACK_PX..=CRACK_PX).map(move |x| (x, y, (y * width + x) as isize)))
         .filter(|(x, y, _)| *y > 0 || *x > 0)
         .collect();
-    let within = |x: i32, y: i32| (0..width).contains(&x) && (0..height).contains(&y);
+    let is_in_picture = |x: i32, y: i32| (0..width).contains(&x) && (0..height).contains(&y);
     parallel::collect(depth.len(), GRAIN, |pixel| {
         let x = pixel as i32 % width;
         let y = pixel as i32 / width;
         let here = depth[pixel];
-        let inside = within(x - CRACK_PX, y - CRACK_PX) && within(x + CRACK_PX, y + CRACK_PX);
+        let inside =
+            is_in_picture(x - CRACK_PX, y - CRACK_PX) && is_in_picture(x + CRACK_PX, y + CRACK_PX);
         let before = here / (1.0 + CRACK_BEHIND);
         let mut pairs = 0;
-        let mut found = 0;
+        let mut valid_pairs = 0;
         let mut through = [0.0; PAIRS];
         for &(dx, dy, step) in &offsets {
-            let is_pair = inside || (within(x - dx, y - dy) && within(x + dx, y + dy));
+            let is_pair =
+                inside || (is_in_picture(x - dx, y - dy) && is_in_picture(x + dx, y + dy));
             if !is_pair {
                 continue;
             }
@@ -232,14 +234,14 @@ fn close_cracks(depth: &[f32], size: UVec2) -> Vec<f32> {
             pairs += 1;
             if a < before && b < before && a.max(b) < (1.0 + SAME_SURFACE) * a.min(b) {
                 // 1/z is linear on a plane.
-                through[found] = 2.0 * a * b / (a + b);
-                found += 1;
+                through[valid_pairs] = 2.0 * a * b / (a + b);
+                valid_pairs += 1;
             }
         }
-        if found == 0 || (found as f32) < CRACK_SHARE * pairs as f32 {
+        if valid_pairs == 0 || (valid_pairs as f32) < CRACK_SHARE * pairs as f32 {
             return here;
         }
-        *through[..found].select_nth_unstable_by(found / 2, f32::total_cmp).1
+        *through[..valid_pairs].select_nth_unstable_by(valid_pairs / 2, f32::total_cmp).1
     })
 }
 
@@ -282,7 +284,7 @@ fn of_mesh(mesh: &Mesh, cameras: &[Camera], mut progress: StageProgress<'_>) -> 
     let mut solid = SolidRasterizer::new();
     let mut one = |(i, camera): (usize, &Camera)| {
         progress.set(i, cameras.len());
-        let seen = solid.visibility(mesh, camera, &options);
+        let visibility = solid.visibility(mesh, camera, &options);
         let weights = Barycentrics::new(mesh, camera, 1);
         let color = |(pixel, face): (usize, &u32)| {
             if *face == NO_FACE {
@@ -296,8 +298,8 @@ fn of_mesh(mesh: &Mesh, cameras: &[Camera], mut progress: StageProgress<'_>) -> 
                 corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
             linear.to_array().map(srgb8_from_linear)
         };
-        let rgb = seen.face.iter().enumerate().map(color).collect();
-        DepthPicture { camera: *camera, depth: seen.depth.clone(), rgb }
+        let rgb = visibility.face.iter().enumerate().map(color).collect();
+        DepthPicture { camera: *camera, depth: visibility.depth.clone(), rgb }
     };
     cameras.iter().enumerate().map(&mut one).collect()
 }
@@ -331,8 +333,8 @@ mod tests {
         for point in
             [Vec3::new(0.1, 0.2, 2.0), Vec3::new(-0.2, 0.1, 2.5), Vec3::new(0.2, -0.2, 1.2)]
         {
-            let seen = picture.observe(point, 1.0).unwrap();
-            let got = (seen.depth - point.z) * seen.slant;
+            let observation = picture.observe(point, 1.0).unwrap();
+            let got = (observation.depth - point.z) * observation.slant;
             let wants = 2.0 - normal.dot(point);
             assert!((got - wants).abs() < 1e-4, "{got} is not {wants}");
         }
@@ -368,8 +370,11 @@ mod tests {
     fn a_pixel_shows_the_point_it_sees() {
         let picture = before(Vec3::Z, 3.0);
         let point = picture.point(32 * 7 + 20).unwrap();
-        let seen = picture.observe(point, 1.0).unwrap();
-        assert!((seen.depth - 3.0).abs() < 1e-5 && seen.pixel == 32 * 7 + 20, "{seen:?}");
+        let observation = picture.observe(point, 1.0).unwrap();
+        assert!(
+            (observation.depth - 3.0).abs() < 1e-5 && observation.pixel == 32 * 7 + 20,
+            "{observation:?}"
+        );
         assert_eq!(picture.observe(-point, 1.0), None, "behind");
         assert_eq!(picture.observe(Vec3::new(9.0, 0.0, 1.0), 1.0), None, "beside");
     }

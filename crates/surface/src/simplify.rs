@@ -40,66 +40,67 @@ pub(super) struct Simplified {
 #[derive(Debug)]
 pub(super) struct TooFewTriangles {
     limit: usize,
-    fewest: usize,
+    fewest_triangles: usize,
 }
 
 impl TooFewTriangles {
     /// The error of the `option` that sets the limit.
     pub(super) fn of_option(self, option: &str) -> Error {
-        let Self { limit, fewest } = self;
-        let wants =
-            format!("more: of this surface {fewest} triangles are left, and with fewer nothing");
+        let Self { limit, fewest_triangles } = self;
+        let wants = format!(
+            "more: of this surface {fewest_triangles} triangles are left, and with fewer nothing"
+        );
         Error::invalid(option, limit, wants)
     }
 }
 
-/// Simplifies an indexed mesh with colours per vertex to at most `most` faces; `None` when it had
-/// no more already.
+/// Simplifies an indexed mesh with colours per vertex to at most `max_faces` faces; `None` when it
+/// had no more already.
 ///
 /// # Errors
 ///
 /// A surface that so few triangles cannot show.
 pub(super) fn simplify(
     mesh: &mut Mesh,
-    most: usize,
+    max_faces: usize,
 ) -> Result<Option<Simplified>, TooFewTriangles> {
-    if mesh.face_count() <= most {
+    if mesh.face_count() <= max_faces {
         return Ok(None);
     }
-    let pieces = drop_small_areas(mesh, MIN_FACES_PER_PIECE / most as f64);
+    let pieces = drop_small_areas(mesh, MIN_FACES_PER_PIECE / max_faces as f64);
     let mut side = FIRST_CELL * mean_edge(mesh);
     let whole = size(mesh);
     let mut error = 0.0;
-    while mesh.face_count() > most.saturating_mul(MAX_FACES_PER_KEPT_FACE) {
+    while mesh.face_count() > max_faces.saturating_mul(MAX_FACES_PER_KEPT_FACE) {
         error += cluster(mesh, side);
         side *= NEXT_CELL;
     }
-    let mut fewest = mesh.face_count();
-    while mesh.face_count() > most {
+    let mut fewest_triangles = mesh.face_count();
+    while mesh.face_count() > max_faces {
         let mut collapsed = mesh.clone();
-        let moved = collapse(&mut collapsed, most);
+        let distance = collapse(&mut collapsed, max_faces);
         // Collapses may end with nothing or with a corner of it, too; then the vertices are joined
         // that there were.
         if size(&collapsed).cmpge(MIN_SIZE * whole).all() && collapsed.face_count() > 0 {
             *mesh = collapsed;
-            error += moved;
+            error += distance;
         }
-        if mesh.face_count() > most {
-            fewest = mesh.face_count();
+        if mesh.face_count() > max_faces {
+            fewest_triangles = mesh.face_count();
             error += cluster(mesh, side);
             side *= NEXT_CELL;
         }
     }
-    if check(mesh, most) {
+    if check(mesh, max_faces) {
         Ok(Some(Simplified { error, pieces }))
     } else {
-        Err(TooFewTriangles { limit: most, fewest })
+        Err(TooFewTriangles { limit: max_faces, fewest_triangles })
     }
 }
 
-/// Collapses edges until `most` faces are left, or the topology permits no more. Returns how far
-/// the surface moved.
-fn collapse(mesh: &mut Mesh, most: usize) -> f64 {
+/// Collapses edges until `max_faces` faces are left, or the topology permits no more. Returns how
+/// far the surface moved.
+fn collapse(mesh: &mut Mesh, max_faces: usize) -> f64 {
     let Colors::Vertex(colors) = &mesh.colors else { return 0.0 };
     let codes: Vec<f32> =
         colors.iter().flatten().map(|channel| srgb_from_linear(*channel)).collect();
@@ -108,7 +109,8 @@ fn collapse(mesh: &mut Mesh, most: usize) -> f64 {
     let scale = meshopt::simplify_scale(&vertices);
     let mut error = 0.0;
     // No vertex is locked. An empty list would be read beyond its end. Not `Prune`: where the
-    // topology keeps a piece above `most`, it drops one piece after the other until none is left.
+    // topology keeps a piece above `max_faces`, it drops one piece after the other until none is
+    // left.
     mesh.indices = meshopt::simplify_with_attributes_and_locks(
         &mesh.indices,
         &vertices,
@@ -116,7 +118,7 @@ fn collapse(mesh: &mut Mesh, most: usize) -> f64 {
         &[COLOR_WEIGHT; 3],
         3 * size_of::<f32>(),
         &vec![false; mesh.vertex_count()],
-        3 * most,
+        3 * max_faces,
         f32::MAX,
         SimplifyOptions::None,
         Some(&mut error),
@@ -139,10 +141,10 @@ fn mean_edge(mesh: &Mesh) -> f32 {
     ((0..mesh.face_count()).map(edges).sum::<f64>() / (3 * mesh.face_count()).max(1) as f64) as f32
 }
 
-/// True of an indexed mesh of 1 to `most` faces of three vertices each.
-fn check(mesh: &Mesh, most: usize) -> bool {
+/// True of an indexed mesh of 1 to `max_faces` faces of three vertices each.
+fn check(mesh: &Mesh, max_faces: usize) -> bool {
     let whole = |[a, b, c]: &[u32; 3]| a != b && b != c && c != a;
-    (1..=most).contains(&mesh.face_count())
+    (1..=max_faces).contains(&mesh.face_count())
         && mesh.indices.len() == 3 * mesh.face_count()
         && mesh.indices.as_chunks::<3>().0.iter().all(whole)
         && mesh.validate().is_ok()
@@ -158,20 +160,20 @@ const MAX_CELLS: f32 = (1 << 20) as f32;
 /// moved, units of the mesh, root mean square over the cell that moved most.
 pub(super) fn cluster(mesh: &mut Mesh, side: f32) -> f64 {
     let cells = cells(&mesh.positions, side);
-    let (kept, moved) = chosen(mesh, &cells);
-    let mut seen = HashSet::new();
+    let (vertices, distance) = choose_vertices(mesh, &cells);
+    let mut distinct = HashSet::new();
     let indices = mesh
         .indices
         .as_chunks::<3>()
         .0
         .iter()
-        .map(|face| face.map(|v| kept[cells[v as usize] as usize]));
+        .map(|face| face.map(|v| vertices[cells[v as usize] as usize]));
     let flat = |[a, b, c]: &[u32; 3]| a == b || b == c || c == a;
     let faces: Vec<[u32; 3]> =
-        indices.filter(|face| !flat(face) && seen.insert(turned(*face))).collect();
+        indices.filter(|face| !flat(face) && distinct.insert(smallest_first(*face))).collect();
     mesh.indices = faces.into_flattened();
     drop_unused(mesh);
-    moved
+    distance
 }
 
 /// Drops the vertices that no face uses, all of them when there are no faces.
@@ -184,12 +186,12 @@ pub(super) fn drop_unused(mesh: &mut Mesh) {
     mesh.retain(|face| face < faces);
 }
 
-/// The same face, its least vertex first.
-fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
-    let least = a.min(b).min(c);
-    if least == a {
+/// The same face, its smallest vertex number first.
+fn smallest_first([a, b, c]: [u32; 3]) -> [u32; 3] {
+    let smallest = a.min(b).min(c);
+    if smallest == a {
         [a, b, c]
-    } else if least == b {
+    } else if smallest == b {
         [b, c, a]
     } else {
         [c, a, b]
@@ -206,10 +208,10 @@ fn cells(positions: &[Vec3], side: f32) -> Vec<u32> {
         u64::from(x) << 42 | u64::from(y) << 21 | u64::from(z)
     };
     let numbers: Vec<u64> = positions.iter().map(number).collect();
-    let mut sorted = numbers.clone();
-    sorted.sort_unstable();
-    sorted.dedup();
-    numbers.iter().map(|number| sorted.partition_point(|other| other < number) as u32).collect()
+    let mut distinct = numbers.clone();
+    distinct.sort_unstable();
+    distinct.dedup();
+    numbers.iter().map(|number| distinct.partition_point(|other| other < number) as u32).collect()
 }
 
 /// Sum of squared distances from planes, weighted by area.
@@ -236,7 +238,7 @@ impl Quadric {
 }
 
 /// The vertex that each cell keeps, and how far the surface moved.
-fn chosen(mesh: &Mesh, cells: &[u32]) -> (Vec<u32>, f64) {
+fn choose_vertices(mesh: &Mesh, cells: &[u32]) -> (Vec<u32>, f64) {
     let count = cells.iter().max().map_or(0, |last| *last as usize + 1);
     // Distances are of numbers near zero: relative to a vertex of the cell.
     let mut origins = vec![DVec3::ZERO; count];
@@ -260,11 +262,12 @@ fn chosen(mesh: &Mesh, cells: &[u32]) -> (Vec<u32>, f64) {
             best[cell] = (error, vertex as u32);
         }
     }
-    let moved = |((error, _), quadric): (&(f64, u32), &Quadric)| {
+    let mean_error = |((error, _), quadric): (&(f64, u32), &Quadric)| {
         error / quadric.area.max(f64::MIN_POSITIVE)
     };
-    let most = best.iter().zip(&quadrics).map(moved).filter(|m| m.is_finite()).fold(0.0, f64::max);
-    (best.into_iter().map(|(_, vertex)| vertex).collect(), most.sqrt())
+    let max_error =
+        best.iter().zip(&quadrics).map(mean_error).filter(|m| m.is_finite()).fold(0.0, f64::max);
+    (best.into_iter().map(|(_, vertex)| vertex).collect(), max_error.sqrt())
 }
 
 // ---- Smoothing: vertices move towards the middle of their neighbours ----------------------------
@@ -282,13 +285,13 @@ pub(super) fn smooth(mesh: &mut Mesh, rounds: u32) {
     let neighbours = Neighbours::of(mesh);
     for share in (0..rounds).flat_map(|_| [SHRINK, GROW]) {
         let at = &mesh.positions;
-        let moved = parallel::collect(at.len(), 1 << 10, |v| {
+        let positions = parallel::collect(at.len(), 1 << 10, |v| {
             let others = neighbours.around(v);
             let middle =
                 others.iter().map(|o| at[*o as usize]).sum::<Vec3>() / others.len().max(1) as f32;
             if others.is_empty() { at[v] } else { at[v].lerp(middle, share) }
         });
-        mesh.positions = moved;
+        mesh.positions = positions;
     }
 }
 
@@ -372,12 +375,12 @@ mod tests {
         }
     }
 
-    fn simplified(mesh: &Mesh, most: usize) -> Result<Mesh, Error> {
+    fn simplified(mesh: &Mesh, max_faces: usize) -> Result<Mesh, Error> {
         let mut mesh = mesh.clone();
-        let details = simplify(&mut mesh, most)
+        let details = simplify(&mut mesh, max_faces)
             .map_err(|error| error.of_option("max_triangles"))?
             .expect("there is something to do");
-        assert!(details.error.is_finite() && check(&mesh, most), "{most}: {details:?}");
+        assert!(details.error.is_finite() && check(&mesh, max_faces), "{max_faces}: {details:?}");
         Ok(mesh)
     }
 
@@ -394,17 +397,17 @@ mod tests {
             [0, 0],
             "the hard case"
         );
-        for most in [2000, 400, 100, 50] {
-            let simple = simplified(&mesh, most).unwrap();
-            assert!(size(&simple).cmpge(0.5 * size(&mesh)).all(), "{most}: {}", size(&simple));
+        for max_faces in [2000, 400, 100, 50] {
+            let simple = simplified(&mesh, max_faces).unwrap();
+            assert!(size(&simple).cmpge(0.5 * size(&mesh)).all(), "{max_faces}: {}", size(&simple));
         }
     }
 
     #[test]
     fn too_few_triangles_are_an_error_and_not_a_wrong_file() {
         let mut enough = 0;
-        for most in 1..40 {
-            match simplified(&checkerboard(4), most) {
+        for max_faces in 1..40 {
+            match simplified(&checkerboard(4), max_faces) {
                 Ok(_) => enough += 1,
                 Err(error) => assert!(error.to_string().starts_with("max_triangles is"), "{error}"),
             }
