@@ -78,19 +78,21 @@ pub(super) fn assign(
 ) -> Result<()> {
     let min_cover = options.min_cover as f32;
     // Photos that show too little of a block are listed too, for blocks that have no others.
-    let mut shown: Vec<Vec<(usize, SeenBlock)>> = vec![Vec::new(); blocks.len()];
+    let mut views_of_block: Vec<Vec<(usize, SeenBlock)>> = vec![Vec::new(); blocks.len()];
     let looks: Vec<Vec<SeenBlock>> = parallel::map_with(views, Brush::default, |brush, _, view| {
         coverage.look(brush, &view.camera, blocks, 0.1 * min_cover)
     });
     for (photo, looks) in looks.into_iter().enumerate() {
-        looks.into_iter().for_each(|seen| shown[seen.block].push((photo, seen)));
+        for look in looks {
+            views_of_block[look.block].push((photo, look));
+        }
     }
-    for (block, mut views) in blocks.iter_mut().zip(shown) {
+    for (block, mut views) in blocks.iter_mut().zip(views_of_block) {
         views.sort_by(|(a, x), (b, y)| y.cover.total_cmp(&x.cover).then(a.cmp(b)));
-        let enough = views.partition_point(|(_, seen)| seen.cover >= min_cover);
-        let most =
+        let enough = views.partition_point(|(_, look)| look.cover >= min_cover);
+        let max_photos =
             if options.block_photos == 0 { usize::MAX } else { options.block_photos as usize };
-        views.truncate(enough.max(FEWEST_PHOTOS).min(most.max(FEWEST_PHOTOS)));
+        views.truncate(enough.max(FEWEST_PHOTOS).min(max_photos.max(FEWEST_PHOTOS)));
         views.sort_by_key(|(photo, _)| *photo);
         let block_photo = |(photo, SeenBlock { cover, part: (corner, size), .. })| BlockPhoto {
             photo: photo as u32,
@@ -123,8 +125,10 @@ pub(super) fn visible(
             .collect())
     };
     let mut visible = vec![false; coverage.middles.len()];
-    for seen in parallel::map_with(&block.photos, Brush::default, look) {
-        seen?.iter().for_each(|number| visible[*number as usize] = true);
+    for numbers in parallel::map_with(&block.photos, Brush::default, look) {
+        for number in numbers? {
+            visible[number as usize] = true;
+        }
     }
     Ok(visible)
 }
@@ -166,14 +170,14 @@ impl<'a> Coverage<'a> {
             cover[self.owners[*i as usize] as usize] += sum / pixels;
         }
         let shows = |(_, cover): &(usize, f32)| *cover > 0.0 && *cover >= min_cover;
-        let seen: Vec<(usize, f32)> = cover.into_iter().enumerate().filter(shows).collect();
-        let mut seen_blocks = Vec::with_capacity(seen.len());
-        for three in seen.chunks(3) {
+        let covers: Vec<(usize, f32)> = cover.into_iter().enumerate().filter(shows).collect();
+        let mut seen_blocks = Vec::with_capacity(covers.len());
+        for three in covers.chunks(3) {
             let halos: Vec<&BlockRegion> =
                 three.iter().map(|(block, _)| &blocks[*block].halo).collect();
-            let shown = self.shown(brush, &small, &halos);
+            let shares = self.region_shares(brush, &small, &halos);
             for (channel, &(block, cover)) in three.iter().enumerate() {
-                let part = part_of(&shown, channel, small.size, camera.size);
+                let part = part_of(&shares, channel, small.size, camera.size);
                 seen_blocks.push(SeenBlock { block, cover, part });
             }
         }
@@ -194,7 +198,12 @@ impl<'a> Coverage<'a> {
 
     /// Share of each pixel of the last rendering, by `camera`, that shows each of up to three
     /// regions. `[H * W]`
-    fn shown(&self, brush: &mut Brush, camera: &Camera, regions: &[&BlockRegion]) -> Vec<[f32; 3]> {
+    fn region_shares(
+        &self,
+        brush: &mut Brush,
+        camera: &Camera,
+        regions: &[&BlockRegion],
+    ) -> Vec<[f32; 3]> {
         for (sh, i) in brush.soup.sh.iter_mut().zip(&brush.numbers) {
             let point = self.middles[*i as usize];
             *sh = [0, 1, 2].map(|c| {
@@ -216,7 +225,7 @@ impl Brush {
         soup.opacity.clear();
         soup.sigma.clear();
         soup.sh.clear();
-        for run in cells.within(camera) {
+        for run in cells.visible_runs(camera) {
             numbers.extend_from_slice(&cells.numbers[run.clone()]);
             soup.vertices.extend_from_slice(&whole.vertices[run.clone()]);
             soup.opacity.extend_from_slice(&whole.opacity[run.clone()]);
@@ -228,10 +237,10 @@ impl Brush {
 
 /// The part of a photo of `full` px that holds a channel of a small drawing, without a small share
 /// on each side.
-fn part_of(shown: &[[f32; 3]], channel: usize, small: UVec2, full: UVec2) -> (UVec2, UVec2) {
+fn part_of(shares: &[[f32; 3]], channel: usize, small: UVec2, full: UVec2) -> (UVec2, UVec2) {
     let mut columns = vec![0.0; small.x as usize];
     let mut rows = vec![0.0; small.y as usize];
-    for (row, pixels) in rows.iter_mut().zip(shown.chunks(small.x as usize)) {
+    for (row, pixels) in rows.iter_mut().zip(shares.chunks(small.x as usize)) {
         for (column, rgb) in columns.iter_mut().zip(pixels) {
             *column += rgb[channel];
             *row += rgb[channel];
@@ -251,18 +260,18 @@ fn part_of(shown: &[[f32; 3]], channel: usize, small: UVec2, full: UVec2) -> (UV
 
 /// The first and last of the sums, without a small share on each side.
 fn inner(sums: &[f32]) -> [usize; 2] {
-    let least = LEFT_OUT * sums.iter().sum::<f32>();
-    let first = reach(sums, least, 0..sums.len()).unwrap_or(0);
-    let last = reach(sums, least, (0..sums.len()).rev()).unwrap_or(sums.len() - 1);
+    let threshold = LEFT_OUT * sums.iter().sum::<f32>();
+    let first = reach(sums, threshold, 0..sums.len()).unwrap_or(0);
+    let last = reach(sums, threshold, (0..sums.len()).rev()).unwrap_or(sums.len() - 1);
     [first, last.max(first)]
 }
 
-/// The first position at which the running sum exceeds `least`.
-fn reach(sums: &[f32], least: f32, mut order: impl Iterator<Item = usize>) -> Option<usize> {
+/// The first position at which the running sum exceeds `threshold`.
+fn reach(sums: &[f32], threshold: f32, mut order: impl Iterator<Item = usize>) -> Option<usize> {
     let mut sum = 0.0;
     order.find(|i| {
         sum += sums[*i];
-        sum > least
+        sum > threshold
     })
 }
 
@@ -308,7 +317,7 @@ impl Cells {
 
     /// The triangles of the cells that `camera` may have in its picture, as runs of neighbouring
     /// cells.
-    fn within(&self, camera: &Camera) -> Vec<Range<usize>> {
+    fn visible_runs(&self, camera: &Camera) -> Vec<Range<usize>> {
         let sides = sides(camera);
         let mut runs: Vec<Range<usize>> = Vec::new();
         for (cell, [middle, half]) in self.boxes.iter().enumerate() {
@@ -351,11 +360,11 @@ mod tests {
     #[test]
     fn a_part_holds_what_is_shown_and_lies_within_the_photo() {
         let small = UVec2::new(8, 6);
-        let mut shown = vec![[0.0; 3]; 48];
+        let mut shares = vec![[0.0; 3]; 48];
         for (x, y) in [(2, 3), (3, 3), (3, 4)] {
-            shown[y * 8 + x] = [0.0, 1.0, 0.0];
+            shares[y * 8 + x] = [0.0, 1.0, 0.0];
         }
-        let (corner, size) = part_of(&shown, 1, small, UVec2::new(800, 600));
+        let (corner, size) = part_of(&shares, 1, small, UVec2::new(800, 600));
         // Pixels 2 to 3 and 3 to 4 of a hundred each, and 8 around.
         assert_eq!((corner, size), (UVec2::new(192, 292), UVec2::new(216, 216)));
         let full = part_of(&[[1.0; 3]; 48], 0, small, UVec2::new(801, 599));
@@ -398,7 +407,7 @@ mod tests {
     fn cells_before_a_camera_show_it_the_whole_scene() {
         let soup = street();
         let middles = middles(&soup);
-        let regions: Vec<BlockRegion> = BlockRegion::EVERYWHERE.cut(0, 200.0).into();
+        let regions: Vec<BlockRegion> = BlockRegion::EVERYWHERE.split(0, 200.0).into();
         let owners = owners(&middles, &regions);
         let space = SceneNormalization { center: Vec3::new(10.0, 0.0, 0.0), scale: 0.5 };
         let coverage = Coverage::new(&soup, &middles, &owners, space, &SoftOptions::default());
@@ -413,16 +422,16 @@ mod tests {
             soft.render(&SoupRef::from(&coverage.cells.soup), &small, &options);
             soft.accumulate_importance(&mut whole);
             assert_eq!(soft.frame().rgb, brush.soft.frame().rgb);
-            let mut seen = vec![0.0; soup.len()];
+            let mut weights = vec![0.0; soup.len()];
             brush
                 .numbers
                 .iter()
                 .zip(&brush.importance.max_weight)
-                .for_each(|(i, w)| seen[*i as usize] = *w);
+                .for_each(|(i, w)| weights[*i as usize] = *w);
             for (number, weight) in coverage.cells.numbers.iter().zip(&whole.max_weight) {
-                assert_eq!(seen[*number as usize], *weight);
+                assert_eq!(weights[*number as usize], *weight);
             }
-            assert!(seen.iter().any(|weight| *weight > 0.1));
+            assert!(weights.iter().any(|weight| *weight > 0.1));
         }
         // Of a long street each sees the part before it.
         let all = 100 * soup.len();

@@ -157,14 +157,14 @@ impl Manifest {
         let start = block.start.as_ref().map(|start| &start.hash);
         let counts =
             [block.frozen, block.shell, block.max_triangles, block.steps, block.first_step];
-        let given = (
+        let settings = (
             &self.generator,
             &self.dataset_options,
             self.origin,
             self.space,
             self.options_of(index),
         );
-        hash_of(&(given, photos, start, &self.points, counts, &block.core, block.core_triangles))
+        hash_of(&(settings, photos, start, &self.points, counts, &block.core, block.core_triangles))
     }
 
     /// Reads the plan at `path`, its file or its folder; returns it and its folder.
@@ -234,8 +234,8 @@ impl Manifest {
         let text = serde_json::to_string_pretty(self)
             .map_err(|e| Error::invalid("manifest", e, "numbers JSON can hold"))?;
         file.commit_with(text + "\n")?;
-        let named: Vec<&str> = self.sources().map(|source| source.file.as_str()).collect();
-        sweep_folder(folder_of(&path), |name| is_of_a_plan(name) && !named.contains(&name));
+        let used_names: Vec<&str> = self.sources().map(|source| source.file.as_str()).collect();
+        sweep_folder(folder_of(&path), |name| is_of_a_plan(name) && !used_names.contains(&name));
         Ok(())
     }
 
@@ -432,18 +432,19 @@ pub(super) fn write(
     let mut bytes = Vec::new();
     ply::write_soup(&mut bytes, soup, provenance, cameras).map_err(|e| Error::io(path, e))?;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let (named, hash) = put(folder_of(path), (&stem, "ply"), &bytes, naming)?;
+    let (written_path, hash) = put(folder_of(path), (&stem, "ply"), &bytes, naming)?;
     let file = format!("{stem}-{hash}.ply");
-    Ok((named, PlanFile { file, hash, triangles: soup.len() as u64 }))
+    Ok((written_path, PlanFile { file, hash, triangles: soup.len() as u64 }))
 }
 
 /// The finished coarse scene that was begun as `path`, if it is there and unchanged.
 pub fn find_coarse(path: &Path, limits: &Limits) -> Option<PathBuf> {
     let begin = format!("{}-", path.file_stem().unwrap_or_default().to_string_lossy());
-    let is_it = |found: &PathBuf| {
-        let name = found.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        let named = name.strip_prefix(&begin).and_then(|rest| rest.strip_suffix(".ply"));
-        named.is_some_and(|named| hash_of_file(found, limits).is_ok_and(|hash| hash == named))
+    let is_it = |path: &PathBuf| {
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let hash_in_name = name.strip_prefix(&begin).and_then(|rest| rest.strip_suffix(".ply"));
+        hash_in_name
+            .is_some_and(|expected| hash_of_file(path, limits).is_ok_and(|hash| hash == expected))
     };
     input::entries(folder_of(path)).filter(is_it).min()
 }

@@ -39,12 +39,12 @@ impl Blocks {
     pub fn open(path: &Path, limits: &Limits) -> Result<Self> {
         let (manifest, folder) = Manifest::read(path, limits)?;
         let blocks = Self { manifest, folder, limits: *limits };
-        let missing: Vec<usize> =
+        let untrained: Vec<usize> =
             (0..blocks.count()).filter(|i| !blocks.path(*i).is_file()).collect();
-        match missing.first() {
+        match untrained.first() {
             None => Ok(blocks),
             Some(first) => {
-                let count = missing.len();
+                let count = untrained.len();
                 let all = blocks.count();
                 let reason = format!(
                     "{count} of {all} blocks are not trained yet: `trisplat train --block {}:{first}` and so on",
@@ -70,7 +70,7 @@ impl Blocks {
         &self.folder
     }
 
-    /// Triangles in the core of a block.
+    /// Reads a block: the triangles in its core, its shell and its cameras.
     pub(super) fn read(&self, index: usize) -> Result<OwnedBlock> {
         let path = self.path(index);
         let options = ReadOptions { sh_degree: 3, limits: self.limits, ..ReadOptions::default() };
@@ -96,9 +96,9 @@ impl Blocks {
     }
 
     /// The cameras of all photos of all blocks, in order of the photos' names.
-    fn cameras(&self, found: &[Vec<Camera>]) -> Vec<Camera> {
+    fn cameras(&self, by_block: &[Vec<Camera>]) -> Vec<Camera> {
         let mut all: BTreeMap<u32, Camera> = BTreeMap::new();
-        for (block, cameras) in self.manifest.blocks.iter().zip(found) {
+        for (block, cameras) in self.manifest.blocks.iter().zip(by_block) {
             all.extend(block.photos.iter().map(|photo| photo.photo).zip(cameras.iter().copied()));
         }
         all.into_values().collect()
@@ -183,7 +183,8 @@ struct Node {
     mesh: Mesh,
 }
 
-/// Bakes `blocks` into the tileset `path`; calls `done` after each block.
+/// Bakes `blocks` into the tileset `path`; calls `on_block` with the number and the
+/// triangles of each block that is done.
 ///
 /// # Errors
 ///
@@ -192,7 +193,7 @@ pub fn bake_tiles(
     blocks: &Blocks,
     path: &Path,
     options: &BakeOptions,
-    done: &mut dyn FnMut(usize, u64),
+    on_block: &mut dyn FnMut(usize, u64),
 ) -> Result<CityTiles> {
     let writer = TilesetWriter::start(
         path,
@@ -208,7 +209,7 @@ pub fn bake_tiles(
         writer,
         shell: Soup::default(),
         triangles: 0,
-        done,
+        on_block,
     };
     let root = city.node(0, blocks.count(), "")?.map(|node| node.tile);
     let shell = std::mem::take(&mut city.shell);
@@ -255,7 +256,7 @@ struct City<'a> {
     /// The shell of all blocks so far.
     shell: Soup,
     triangles: u64,
-    done: &'a mut dyn FnMut(usize, u64),
+    on_block: &'a mut dyn FnMut(usize, u64),
 }
 
 impl City<'_> {
@@ -289,27 +290,29 @@ impl City<'_> {
         let OwnedBlock { shell, rest, cameras, .. } = self.blocks.read(index)?;
         self.shell.append(shell);
         if rest.is_empty() {
-            (self.done)(index, 0);
+            (self.on_block)(index, 0);
             return Ok(None);
         }
         let to_file = |camera| frames::to_file(camera, &self.placement, DVec3::ZERO);
         let cameras = cameras.iter().map(to_file).collect();
-        let scene = ImportedScene { cameras, ..self.placed(rest) };
+        let scene = ImportedScene { cameras, ..self.place(rest) };
         // The mesh is placed already, like all others.
         let options = BakeOptions { place: PlaceOptions::DEFAULT, ..self.options.clone() };
         let asset = Bake::new(&options).run([scene])?;
         let triangles = asset.mesh.face_count() as u64;
         self.triangles += triangles;
         let tile = self.writer.block(index, &asset)?;
-        (self.done)(index, triangles);
+        (self.on_block)(index, triangles);
         Ok(asset.tiles.map(|root| Node { tile, mesh: root.mesh }))
     }
 
-    /// A soup in the frame of the file.
-    fn placed(&self, mut soup: Soup) -> ImportedScene {
+    /// Moves a soup to the frame of the file.
+    fn place(&self, mut soup: Soup) -> ImportedScene {
         soup.truncate_sh(0);
         let transform = self.placement.transform();
-        soup.vertices.iter_mut().flatten().for_each(|corner| *corner = transform(*corner));
+        for corner in soup.vertices.iter_mut().flatten() {
+            *corner = transform(*corner);
+        }
         ImportedScene { provenance: self.provenance(), ..ImportedScene::from(Scene::Soup(soup)) }
     }
 
@@ -328,7 +331,7 @@ impl City<'_> {
             place: PlaceOptions::DEFAULT,
             ..BakeOptions::preset(BakePreset::Fast)
         });
-        let asset = Bake::new(&options).run([self.placed(shell)])?;
+        let asset = Bake::new(&options).run([self.place(shell)])?;
         self.triangles += asset.mesh.face_count() as u64;
         // The shell is everywhere, so all below it is refined until the whole is a few pixels wide.
         let extent = bounds(&asset.mesh, asset.mesh.face_count())
@@ -338,15 +341,15 @@ impl City<'_> {
     }
 }
 
-/// At most `most` triangles of a mesh, enlarged to cover for the others.
-fn coarser(mesh: Mesh, most: usize) -> Mesh {
+/// Half the triangles of a mesh, at most `max_faces`, enlarged to cover for the others.
+fn coarser(mesh: Mesh, max_faces: usize) -> Mesh {
     let mut mesh = mesh.unshared();
-    let half = mesh.face_count().div_ceil(2).min(most);
-    let mut kept = rank_by_size(&mesh);
-    kept.truncate(half);
-    kept.sort_unstable();
-    enlarge(&mut mesh, &kept);
-    mesh.keep(&kept);
+    let half = mesh.face_count().div_ceil(2).min(max_faces);
+    let mut largest = rank_by_size(&mesh);
+    largest.truncate(half);
+    largest.sort_unstable();
+    enlarge(&mut mesh, &largest);
+    mesh.keep(&largest);
     mesh.group_materials();
     mesh
 }

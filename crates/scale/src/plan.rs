@@ -3,7 +3,7 @@
 
 use super::cover::{Coverage, assign, middles, owners, visible};
 use super::manifest::{Block, BlockPhoto, Expected, FORMAT, Manifest, PlannedPhoto};
-use super::region::{BlockRegion, ContractedSpace, cut, extent};
+use super::region::{BlockRegion, ContractedSpace, cut_space, extent};
 use crate::manifest::{self, PlanFile, PlanOptions, digits, hash_of, hash_of_file};
 use glam::{UVec2, Vec3};
 use std::path::{Component, Path, PathBuf};
@@ -63,8 +63,8 @@ pub fn check(options: &PlanOptions, whole: &TrainOptions, max_bytes: Option<u64>
     let count = options.count()?;
     let triangles = whole.max_triangles.div_ceil(count as u64);
     let block = Block { max_triangles: triangles, ..Block::default() };
-    let least = expected(&block, whole, 0);
-    check_memory("the largest block, even without photos,", least, max_bytes)?;
+    let min_memory = expected(&block, whole, 0);
+    check_memory("the largest block, even without photos,", min_memory, max_bytes)?;
     Ok(count)
 }
 
@@ -75,11 +75,11 @@ impl Planner<'_> {
         if self.options.count()? == 1 {
             return Ok(None);
         }
-        let or_part = |given: u64, of: u64| if given > 0 { given } else { of };
+        let or_default = |option: u64, default: u64| if option > 0 { option } else { default };
         let share = GOES_ON_AT / REFERENCE_STEPS;
         let steps =
-            or_part(self.options.coarse_steps, (share * self.whole.steps as f64).ceil() as u64);
-        let max_triangles = or_part(
+            or_default(self.options.coarse_steps, (share * self.whole.steps as f64).ceil() as u64);
+        let max_triangles = or_default(
             self.options.coarse_triangles,
             self.whole.max_triangles.div_ceil(COARSE_TRIANGLES),
         );
@@ -255,7 +255,7 @@ fn expected(block: &Block, options: &TrainOptions, photo_bytes: u64) -> Expected
 }
 
 fn check_memory(what: &str, expected: Expected, max_bytes: Option<u64>) -> Result<()> {
-    match max_bytes.filter(|most| expected.bytes > *most) {
+    match max_bytes.filter(|limit| expected.bytes > *limit) {
         Some(limit) => Err(Error::TooLarge {
             what: format!("what {what} is expected to take"),
             bytes: expected.bytes,
@@ -307,13 +307,16 @@ impl<'a> Cutter<'a> {
     fn blocks(&self, file: &mut AtomicFile, max_bytes: Option<u64>) -> Result<Vec<Block>> {
         let positions: Vec<Vec3> = self.cameras.iter().map(Camera::position).collect();
         let inner: Vec<Vec3> = self.inner().map(|i| self.middles[i]).collect();
-        let cores = cut(&inner, self.planner.options.count()?, &ContractedSpace::of(&positions));
+        let cores =
+            cut_space(&inner, self.planner.options.count()?, &ContractedSpace::of(&positions));
         let owners = owners(&self.middles, &cores);
-        let mut held = vec![Vec::new(); cores.len()];
-        self.inner().for_each(|i| held[owners[i] as usize].push(self.middles[i]));
+        let mut middles = vec![Vec::new(); cores.len()];
+        for i in self.inner() {
+            middles[owners[i] as usize].push(self.middles[i]);
+        }
         let seed = self.planner.whole.seed;
         let block = |(i, core): (usize, &BlockRegion)| {
-            let halo = core.grown(extent(&held[i]) * self.planner.options.halo as f32);
+            let halo = core.grown(extent(&middles[i]) * self.planner.options.halo as f32);
             Block { core: *core, halo, seed: seed.wrapping_add(i as u64), ..Block::default() }
         };
         let mut blocks: Vec<Block> = cores.iter().enumerate().map(block).collect();
@@ -322,7 +325,7 @@ impl<'a> Cutter<'a> {
         assign(&mut blocks, self.views, &coverage, self.planner.options)?;
         let passes = self.passes(&blocks);
         let core_triangles = self.core_triangles(&owners, &blocks);
-        let mut shown = Vec::with_capacity(blocks.len());
+        let mut shown_blocks = Vec::with_capacity(blocks.len());
         for (owner, mut block) in blocks.into_iter().enumerate() {
             // A block that no photo shows cannot be trained, and nobody misses it.
             if block.photos.is_empty() {
@@ -337,10 +340,10 @@ impl<'a> Cutter<'a> {
                     .scaled(GOES_ON_AT)
                     .min(block.steps - 1);
             block.core_triangles = core_triangles[owner];
-            self.fill(shown.len(), &mut block, &visible, file, max_bytes)?;
-            shown.push(block);
+            self.fill(shown_blocks.len(), &mut block, &visible, file, max_bytes)?;
+            shown_blocks.push(block);
         }
-        Ok(shown)
+        Ok(shown_blocks)
     }
 
     /// The triangles that are not the shell.
@@ -359,27 +362,31 @@ impl<'a> Cutter<'a> {
             .map(|photo| pixels(photo.corner_and_size().1));
         match self.planner.options.passes {
             0.0 => (PIXELS * whole / parts.sum::<f64>().max(1.0)).min(1.0),
-            given => given,
+            passes => passes,
         }
     }
 
     /// The triangles of the whole scene, shared out among the cores that photos show as those of
     /// the coarse scene are. `[blocks]`
     fn core_triangles(&self, owners: &[u32], blocks: &[Block]) -> Vec<u64> {
-        let mut held = vec![0u128; blocks.len()];
-        owners.iter().for_each(|owner| held[*owner as usize] += 1);
-        for (held, _) in held.iter_mut().zip(blocks).filter(|(_, block)| block.photos.is_empty()) {
-            *held = 0;
+        let mut counts = vec![0u128; blocks.len()];
+        for owner in owners {
+            counts[*owner as usize] += 1;
         }
-        let all = held.iter().sum::<u128>().max(1);
+        for (count, _) in counts.iter_mut().zip(blocks).filter(|(_, block)| block.photos.is_empty())
+        {
+            *count = 0;
+        }
+        let all = counts.iter().sum::<u128>().max(1);
         let mut below = 0;
-        let up_to = |held: u128| (u128::from(self.planner.whole.max_triangles) * held / all) as u64;
-        let part = |held: &u128| {
+        let up_to =
+            |count: u128| (u128::from(self.planner.whole.max_triangles) * count / all) as u64;
+        let part = |count: &u128| {
             let from = up_to(below);
-            below += held;
+            below += count;
             up_to(below) - from
         };
-        held.iter().map(part).collect()
+        counts.iter().map(part).collect()
     }
 
     /// Everything of a block that follows from its boxes and photos, and the file it starts from.

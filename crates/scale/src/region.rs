@@ -45,8 +45,8 @@ impl BlockRegion {
         })
     }
 
-    /// Split at `place` along an axis: the lower part and the upper.
-    pub(super) fn cut(&self, axis: usize, place: f32) -> [Self; 2] {
+    /// Splits at `place` along an axis into the lower part and the upper.
+    pub(super) fn split(&self, axis: usize, place: f32) -> [Self; 2] {
         let mut lower = *self;
         let mut upper = *self;
         lower.high[axis] = Some(place);
@@ -101,7 +101,11 @@ impl ContractedSpace {
 
 /// Cuts space into `count` boxes that hold about as many of `points` each. Boxes that one cut made
 /// follow each other: the first half of them, rounded up, is below the first cut.
-pub(super) fn cut(points: &[Vec3], count: usize, around: &ContractedSpace) -> Vec<BlockRegion> {
+pub(super) fn cut_space(
+    points: &[Vec3],
+    count: usize,
+    around: &ContractedSpace,
+) -> Vec<BlockRegion> {
     let mut boxes = Vec::with_capacity(count);
     cut_box(&mut points.to_vec(), BlockRegion::EVERYWHERE, count, around, &mut boxes);
     boxes
@@ -123,7 +127,7 @@ fn cut_box(
     // Nothing depends on the order of the points but this: equal ones come together.
     points.sort_unstable_by(|a, b| a[axis].total_cmp(&b[axis]));
     let (low, high) = points.split_at_mut(points.partition_point(|p| p[axis] < place));
-    let [lower, upper] = region.cut(axis, place);
+    let [lower, upper] = region.split(axis, place);
     cut_box(low, lower, below, around, out);
     cut_box(high, upper, above, around, out);
 }
@@ -174,38 +178,41 @@ mod tests {
         let points = town(5000);
         let around = ContractedSpace::of(&points);
         for count in [1, 2, 3, 5, 8] {
-            let boxes = cut(&points, count, &around);
+            let boxes = cut_space(&points, count, &around);
             assert_eq!(boxes.len(), count);
-            let held: Vec<usize> =
+            let counts: Vec<usize> =
                 boxes.iter().map(|b| points.iter().filter(|p| b.contains(**p)).count()).collect();
-            assert_eq!(held.iter().sum::<usize>(), 5000);
+            assert_eq!(counts.iter().sum::<usize>(), 5000);
             let share = 5000 / count;
-            assert!(held.iter().all(|n| n.abs_diff(share) <= 2 + share / 50), "{count}: {held:?}");
+            assert!(
+                counts.iter().all(|n| n.abs_diff(share) <= 2 + share / 50),
+                "{count}: {counts:?}"
+            );
             for far in [Vec3::splat(1e9), Vec3::splat(-1e9), Vec3::new(1e9, 0.0, -1e9)] {
                 assert_eq!(boxes.iter().filter(|b| b.contains(far)).count(), 1);
             }
         }
         let mut backwards = points.clone();
         backwards.reverse();
-        assert_eq!(cut(&points, 7, &around), cut(&backwards, 7, &around));
+        assert_eq!(cut_space(&points, 7, &around), cut_space(&backwards, 7, &around));
     }
 
     #[test]
     fn a_far_horizon_does_not_say_which_way_a_town_is_cut() {
         let mut points = town(1000);
         let around = ContractedSpace::of(&points);
-        assert!(cut(&points, 2, &around)[0].high[0].is_some());
+        assert!(cut_space(&points, 2, &around)[0].high[0].is_some());
         // A tower of clouds, four times as high as the town is long.
         points.extend((0..100).map(|i| Vec3::new(50.0, 4.0 * i as f32, 30.0)));
-        assert!(cut(&points, 2, &around)[0].high[0].is_some());
+        assert!(cut_space(&points, 2, &around)[0].high[0].is_some());
     }
 
     #[test]
     fn without_points_there_are_boxes_all_the_same() {
         let around = ContractedSpace::of(&[]);
-        assert_eq!(cut(&[], 4, &around).len(), 4);
+        assert_eq!(cut_space(&[], 4, &around).len(), 4);
         assert_eq!(
-            cut(&[Vec3::ONE; 9], 3, &around).iter().filter(|b| b.contains(Vec3::ONE)).count(),
+            cut_space(&[Vec3::ONE; 9], 3, &around).iter().filter(|b| b.contains(Vec3::ONE)).count(),
             1
         );
     }

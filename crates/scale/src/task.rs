@@ -58,16 +58,16 @@ impl Task {
         self.file("checkpoint")
     }
 
-    /// Its photos, and the cameras of the whole photos; `moved` is where the data set is now, if
-    /// not where it was planned.
+    /// Its photos, and the cameras of the whole photos; `dataset` is where the data set is now,
+    /// if not where it was planned.
     ///
     /// # Errors
     ///
     /// Photos or cameras that are not as they were planned.
-    pub fn dataset(&self, moved: Option<&Path>) -> Result<(Dataset, Vec<Camera>)> {
+    pub fn dataset(&self, dataset: Option<&Path>) -> Result<(Dataset, Vec<Camera>)> {
         let plan = &self.manifest;
         let options = &self.manifest.dataset_options;
-        let path = moved.map_or_else(|| plan.dataset_path(&self.folder), Path::to_owned);
+        let path = dataset.map_or_else(|| plan.dataset_path(&self.folder), Path::to_owned);
         let photos: Vec<&PlannedPhoto> =
             self.block().photos.iter().map(|p| &plan.photos[p.photo as usize]).collect();
         let names: BTreeSet<String> = photos.iter().map(|photo| photo.name.clone()).collect();
