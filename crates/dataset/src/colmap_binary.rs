@@ -54,11 +54,11 @@ fn read_images(bytes: &mut BinaryFile, observations: bool, model: &mut ColmapMod
         let name = bytes.name()?;
         let rotation = colmap_model::rotation(quaternion, translation, format!("{id} `{name}`"));
         let rotation = rotation.map_err(|reason| bytes.malformed(reason))?;
-        let seen = bytes.count("2D points", 24)?;
+        let observation_count = bytes.count("2D points", 24)?;
         let observations = if observations {
-            read_observations(bytes, seen)?
+            read_observations(bytes, observation_count)?
         } else {
-            bytes.skip(24 * seen as u64).map(|()| Vec::new())?
+            bytes.skip(24 * observation_count as u64).map(|()| Vec::new())?
         };
         model.images.push(ImageRow { name, camera, rotation, translation, observations });
     }
@@ -138,11 +138,10 @@ impl BinaryFile {
     /// A count of items of at least `bytes_each`, which must fit into the rest of the file.
     fn count(&mut self, what: &str, bytes_each: u64) -> Result<usize> {
         let count = u64::from_le_bytes(self.take()?);
-        let left = self.len - self.at;
-        if count > left / bytes_each {
-            return Err(
-                self.malformed(format!("promises {count} {what}, but only {left} bytes follow"))
-            );
+        let remaining = self.len - self.at;
+        if count > remaining / bytes_each {
+            return Err(self
+                .malformed(format!("promises {count} {what}, but only {remaining} bytes follow")));
         }
         Ok(count as usize)
     }

@@ -26,12 +26,12 @@ pub(super) struct ImageRow {
 
 /// The rotation of the quaternion (w, x, y, z) of an image, which may have any length except zero;
 /// otherwise what is wrong.
-pub(super) fn rotation(wxyz: [f64; 4], moved: DVec3, image: String) -> Result<DMat3, String> {
+pub(super) fn rotation(wxyz: [f64; 4], translation: DVec3, image: String) -> Result<DMat3, String> {
     let q = DQuat::from_xyzw(wxyz[1], wxyz[2], wxyz[3], wxyz[0]);
     let length = q.length();
-    let good = length > 1e-6 && length.is_finite() && moved.is_finite();
+    let good = length > 1e-6 && length.is_finite() && translation.is_finite();
     let rotation = good.then(|| DMat3::from_quat(q * (1.0 / length)));
-    rotation.ok_or_else(|| format!("image {image} has no pose: {wxyz:?}, {moved}"))
+    rotation.ok_or_else(|| format!("image {image} has no pose: {wxyz:?}, {translation}"))
 }
 
 /// COLMAP's camera models in the order of their numbers in binary files: name, number of
@@ -66,7 +66,7 @@ pub(super) fn camera_model_name(number: i32) -> Option<&'static str> {
 pub(super) fn parameter_count(path: &Path, model: &str) -> Result<usize> {
     let name = if model == "SPHERICAL" { "EQUIRECTANGULAR" } else { model };
     let read = || CAMERA_MODELS.iter().filter(|(_, count)| *count > 0);
-    read().find(|(known, _)| *known == name).map(|(_, count)| *count).ok_or_else(|| {
+    read().find(|(model, _)| *model == name).map(|(_, count)| *count).ok_or_else(|| {
         let ours = read().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
         let remedy = "run `colmap image_undistorter` and use its output";
         Error::unsupported(

@@ -96,9 +96,9 @@ impl TextFile {
     fn next_line(&mut self) -> Result<bool> {
         self.line.clear();
         self.number += 1;
-        let most = self.limits.document_bytes.saturating_add(1);
-        let read = (&mut self.reader).take(most).read_line(&mut self.line);
-        let bytes = read.map_err(|e| match e.kind() {
+        let max_bytes = self.limits.document_bytes.saturating_add(1);
+        let result = (&mut self.reader).take(max_bytes).read_line(&mut self.line);
+        let bytes = result.map_err(|e| match e.kind() {
             std::io::ErrorKind::InvalidData => {
                 self.malformed("is not text; a binary model ends in .bin")
             }

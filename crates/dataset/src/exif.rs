@@ -98,8 +98,8 @@ pub(crate) fn with_notes(jpeg: &[u8], notes: &[u8]) -> Vec<u8> {
 fn read(file: &mut (impl BufRead + Seek)) -> Option<Exif> {
     let mut reader = Reader::new();
     reader.continue_on_error(true);
-    let found = reader.read_from_container(file);
-    found.or_else(|e| e.distill_partial_result(|_| {})).ok()
+    let exif = reader.read_from_container(file);
+    exif.or_else(|e| e.distill_partial_result(|_| {})).ok()
 }
 
 /// The first number of an entry of the first picture.

@@ -280,19 +280,19 @@ fn inner_rectangle(lens: &Lens) -> Option<(DVec2, DVec2)> {
     let size = lens.size.as_dvec2();
     let mut low = lens.center - size;
     let mut high = lens.center + size;
-    let undistorted = |pixel: DVec2| lens.direction(pixel).map(|d| lens.focal * d + lens.center);
+    let undistort = |pixel: DVec2| lens.direction(pixel).map(|d| lens.focal * d + lens.center);
     // The outermost pixel centres can still be sampled; their pixels reach half a pixel further.
     let first = DVec2::splat(0.5);
     let last = size - 0.5;
     for y in 0..lens.size.y {
         let y = f64::from(y) + 0.5;
-        low.x = low.x.max(undistorted(DVec2::new(first.x, y))?.x - 0.5);
-        high.x = high.x.min(undistorted(DVec2::new(last.x, y))?.x + 0.5);
+        low.x = low.x.max(undistort(DVec2::new(first.x, y))?.x - 0.5);
+        high.x = high.x.min(undistort(DVec2::new(last.x, y))?.x + 0.5);
     }
     for x in 0..lens.size.x {
         let x = f64::from(x) + 0.5;
-        low.y = low.y.max(undistorted(DVec2::new(x, first.y))?.y - 0.5);
-        high.y = high.y.min(undistorted(DVec2::new(x, last.y))?.y + 0.5);
+        low.y = low.y.max(undistort(DVec2::new(x, first.y))?.y - 0.5);
+        high.y = high.y.min(undistort(DVec2::new(x, last.y))?.y + 0.5);
     }
     Some((low, high))
 }

@@ -185,8 +185,8 @@ impl Photo {
             let ratio = size.as_dvec2() / whole.as_dvec2();
             // Averages of at least two by two pixels are those of the whole photo, closely
             // (docs/benchmarks/figures.md).
-            let least = (2.0 * self.stored.as_dvec2() * ratio).ceil().as_uvec2();
-            return RgbImage::load_reduced(&self.path, least, &self.limits);
+            let min_size = (2.0 * self.stored.as_dvec2() * ratio).ceil().as_uvec2();
+            return RgbImage::load_reduced(&self.path, min_size, &self.limits);
         }
         let pixels = RgbImage::load_within(&self.path, &self.limits)?;
         let size = pixels.size;
@@ -194,7 +194,7 @@ impl Photo {
     }
 
     /// The picture, if it is in memory.
-    pub(super) fn held(&self) -> Option<Arc<RgbImage>> {
+    pub(super) fn pixels_in_memory(&self) -> Option<Arc<RgbImage>> {
         match &self.drawn {
             Some(PreparedPhoto::Held(pixels)) if self.crop.is_none() => Some(Arc::clone(pixels)),
             _ => None,
@@ -211,8 +211,9 @@ impl Photo {
     pub(super) fn decoding_bytes(&self) -> u64 {
         // Beside the picture: its mask, or the same without distortion.
         let stored = u64::from(self.stored.x) * u64::from(self.stored.y);
-        let beside = if self.mask.is_some() || self.undistort.is_some() { 4 * stored } else { 0 };
-        let whole = if self.is_drawn() { 0 } else { self.decoding + beside };
+        let second_picture =
+            if self.mask.is_some() || self.undistort.is_some() { 4 * stored } else { 0 };
+        let whole = if self.is_drawn() { 0 } else { self.decoding + second_picture };
         whole.max(self.most_bytes())
     }
 
@@ -227,12 +228,12 @@ impl Photo {
 }
 
 /// Refuses a mask of `size`, or a photo changed since, that is not as large as the `photo` was.
-pub(super) fn check_mask(path: &Path, photo: &Path, size: UVec2, wanted: UVec2) -> Result<()> {
-    if size == wanted {
+pub(super) fn check_mask(path: &Path, photo: &Path, size: UVec2, photo_size: UVec2) -> Result<()> {
+    if size == photo_size {
         return Ok(());
     }
     let photo = photo.display();
-    let want = wanted;
+    let want = photo_size;
     let reason = format!("is {}x{}, the photo {photo} is {}x{}", size.x, size.y, want.x, want.y);
     Err(Error::malformed(path, "size", format!("{reason}; a mask must be as large as its photo")))
 }

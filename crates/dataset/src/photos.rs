@@ -46,7 +46,7 @@ struct LoaderState {
     /// The next photos, in order.
     queue: VecDeque<usize>,
     /// The photo that `take` is waiting for.
-    wanted: Option<usize>,
+    awaited: Option<usize>,
     resident_bytes: u64,
     /// Counts takes, to find the least recently taken photo.
     clock: u64,
@@ -61,8 +61,8 @@ struct PhotoSlot {
     loading: bool,
     /// Of what was decoded.
     digest: Option<u64>,
-    /// When it was last taken.
-    taken: u64,
+    /// Clock of its last take.
+    last_take: u64,
 }
 
 impl Photos {
@@ -75,14 +75,17 @@ impl Photos {
         let decoded = Condvar::new();
         let shared = Arc::new(Loader { photos, budget_bytes, cache, state, work, decoded });
         // Drawn pictures need no threads, and some systems have none.
-        let needed =
-            if shared.photos.iter().all(|photo| photo.held().is_some()) { 0 } else { WORKERS };
+        let worker_count = if shared.photos.iter().all(|photo| photo.pixels_in_memory().is_some()) {
+            0
+        } else {
+            WORKERS
+        };
         let start = |_| {
             let shared = Arc::clone(&shared);
             std::thread::Builder::new().spawn(move || shared.work_until_stopped())
         };
         // A system that has no thread left: `take` decodes.
-        let workers = (0..needed).map_while(|i| start(i).ok()).collect();
+        let workers = (0..worker_count).map_while(|i| start(i).ok()).collect();
         Self { shared, workers }
     }
 
@@ -100,8 +103,9 @@ impl Photos {
     pub fn prefetch(&mut self, order: impl IntoIterator<Item = usize>) {
         let count = self.len();
         let photos = &self.shared.photos;
-        let wanted = order.into_iter().filter(|&i| i < count && photos[i].held().is_none());
-        self.shared.lock().queue.extend(wanted);
+        let missing_photos =
+            order.into_iter().filter(|&i| i < count && photos[i].pixels_in_memory().is_none());
+        self.shared.lock().queue.extend(missing_photos);
         self.shared.work.notify_all();
     }
 
@@ -110,28 +114,28 @@ impl Photos {
         if i >= self.len() {
             return Err(Error::invalid("photo", i, format!("an index below {}", self.len())));
         }
-        if let Some(held) = self.shared.photos[i].held() {
-            return Ok(held);
+        if let Some(pixels) = self.shared.photos[i].pixels_in_memory() {
+            return Ok(pixels);
         }
         let mut state = self.shared.lock();
         loop {
-            if let Some(found) = state.slots[i].pixels.take() {
-                state.wanted = None;
-                let found = found?;
+            if let Some(pixels) = state.slots[i].pixels.take() {
+                state.awaited = None;
+                let pixels = pixels?;
                 state.clock += 1;
-                state.slots[i].taken = state.clock;
-                state.slots[i].pixels = Some(Ok(Arc::clone(&found)));
+                state.slots[i].last_take = state.clock;
+                state.slots[i].pixels = Some(Ok(Arc::clone(&pixels)));
                 if let Some(at) = state.queue.iter().take(SOON).position(|&next| next == i) {
                     state.queue.remove(at);
                 }
                 self.shared.work.notify_all();
-                return Ok(found);
+                return Ok(pixels);
             }
             if self.workers.is_empty() {
                 state = self.shared.load(state, i);
                 continue;
             }
-            state.wanted = Some(i);
+            state.awaited = Some(i);
             self.shared.work.notify_all();
             state = self.shared.decoded.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
@@ -225,21 +229,23 @@ impl Loader {
         loading.map(|i| self.cost(state, i)).sum()
     }
 
-    /// Maximum urgent photo: the one waited for, then the next in the queue while memory lasts.
+    /// The most urgent photo: the one waited for, then the next in the queue while memory lasts.
     fn next_job(&self, state: &LoaderState) -> Option<usize> {
         let idle = |i: usize| state.slots[i].pixels.is_none() && !state.slots[i].loading;
         let loading = self.loading_bytes(state);
         // Others can leave for one of the next photos.
-        let soon = state.queue.iter().take(WORKERS).chain(&state.wanted).collect::<BTreeSet<_>>();
-        let kept = soon.into_iter().filter_map(|&i| state.slots[i].pixels.as_ref()?.as_ref().ok());
-        let kept = kept.map(|pixels| pixels.bytes()).sum::<u64>();
-        let fits = |held: u64, i: usize| held + loading + self.cost(state, i) <= self.budget_bytes;
-        if let Some(i) = state.wanted.filter(|&i| idle(i)) {
+        let soon = state.queue.iter().take(WORKERS).chain(&state.awaited).collect::<BTreeSet<_>>();
+        let soon_pixels =
+            soon.into_iter().filter_map(|&i| state.slots[i].pixels.as_ref()?.as_ref().ok());
+        let soon_bytes = soon_pixels.map(|pixels| pixels.bytes()).sum::<u64>();
+        let fits =
+            |resident: u64, i: usize| resident + loading + self.cost(state, i) <= self.budget_bytes;
+        if let Some(i) = state.awaited.filter(|&i| idle(i)) {
             // Also the photo waited for is decoded alone if it does not fit beside another one.
-            return (loading == 0 || fits(kept, i)).then_some(i);
+            return (loading == 0 || fits(soon_bytes, i)).then_some(i);
         }
         for (ahead, &i) in state.queue.iter().enumerate() {
-            let fits = fits(if ahead < WORKERS { kept } else { state.resident_bytes }, i);
+            let fits = fits(if ahead < WORKERS { soon_bytes } else { state.resident_bytes }, i);
             if !fits && (ahead >= WORKERS || loading > 0) {
                 return None;
             }
@@ -257,13 +263,13 @@ impl Loader {
         while state.resident_bytes + loading > self.budget_bytes {
             let soon = |i: usize| {
                 i == newest
-                    || state.wanted == Some(i)
+                    || state.awaited == Some(i)
                     || state.queue.iter().take(WORKERS).any(|&e| e == i)
             };
             let resident = |slot: &PhotoSlot| matches!(slot.pixels, Some(Ok(_)));
             let oldest = (0..state.slots.len())
                 .filter(|&i| resident(&state.slots[i]) && !soon(i))
-                .min_by_key(|&i| state.slots[i].taken);
+                .min_by_key(|&i| state.slots[i].last_take);
             let Some(i) = oldest else { return };
             let Some(Ok(pixels)) = state.slots[i].pixels.take() else { return };
             state.resident_bytes -= pixels.bytes();

@@ -76,12 +76,12 @@ pub fn random_points(views: &[&View], count: usize, seed: u64) -> Vec<Point> {
         let place = |attempt: u64| {
             on_ray(view, distance, Rng::new(seed, "random cloud", attempt), index as u64)
         };
-        let shared = |at: &Vec3| {
+        let is_shared = |at: &Vec3| {
             views
                 .iter()
                 .any(|other| !std::ptr::eq(*other, view) && other.camera.project(*at).is_some())
         };
-        let position = (0..TRIES).map(place).find(shared).unwrap_or_else(|| place(0));
+        let position = (0..TRIES).map(place).find(is_shared).unwrap_or_else(|| place(0));
         Point { position, rgb: [128; 3], error: None }
     };
     (0..count).map(point).collect()
@@ -93,8 +93,8 @@ fn on_ray(view: &View, distance: f32, rng: Rng, index: u64) -> Vec3 {
     let draw = |k: u64| rng.uniform(3 * index + k);
     let pixel = Vec2::new(draw(0), draw(1)) * camera.size.as_vec2();
     let depth = distance * 0.3 * 10f32.powf(draw(2));
-    let seen = ((pixel - camera.center) / camera.focal).extend(1.0) * depth;
-    camera.rotation.transpose() * (seen - camera.translation)
+    let camera_point = ((pixel - camera.center) / camera.focal).extend(1.0) * depth;
+    camera.rotation.transpose() * (camera_point - camera.translation)
 }
 
 /// The viewing distance: the median distance of the cameras to their common focus; without one or
@@ -107,10 +107,10 @@ pub fn looking_distance(views: &[&View]) -> f32 {
     let fallback = if spread > 0.0 { 2.0 * spread } else { 1.0 };
     let Some(focus) = camera::focus(views.iter().map(|v| &v.camera)) else { return fallback };
     let distances = centers.iter().map(|c| c.distance(focus)).collect();
-    let usual = median(distances, f32::total_cmp).unwrap_or(0.0);
+    let median_distance = median(distances, f32::total_cmp).unwrap_or(0.0);
     // Axes that are nearly parallel, as those of a drone that looks down, meet anywhere.
-    let is_sure = usual > 1e-3 * spread && usual < 10.0 * spread;
-    if is_sure && usual > 0.0 { usual } else { fallback }
+    let is_sure = median_distance > 1e-3 * spread && median_distance < 10.0 * spread;
+    if is_sure && median_distance > 0.0 { median_distance } else { fallback }
 }
 
 #[cfg(test)]

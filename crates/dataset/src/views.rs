@@ -112,8 +112,8 @@ impl FieldOfView<'_> {
     /// The angle from the axis towards `side` to where the photo ends, rad.
     fn reach(&self, side: DVec3) -> f64 {
         let angles = (0..=720).map(|k| f64::from(k) * PI / 720.0);
-        let shown = angles.take_while(|a| self.shows(DVec3::Z * a.cos() + side * a.sin()));
-        shown.last().unwrap_or(0.0)
+        let visible_angles = angles.take_while(|a| self.shows(DVec3::Z * a.cos() + side * a.sin()));
+        visible_angles.last().unwrap_or(0.0)
     }
 
     /// The views of a fisheye lens.

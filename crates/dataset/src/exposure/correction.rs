@@ -301,8 +301,8 @@ impl Solved {
             let modes = modes(gains);
             channels([0, 1, 2].map(|m: usize| {
                 let variance = spread[m].powi(2);
-                let known = variance / (variance + noise[m].powi(2)).max(f32::MIN_POSITIVE);
-                of_mode[m] * known * modes[m]
+                let certainty = variance / (variance + noise[m].powi(2)).max(f32::MIN_POSITIVE);
+                of_mode[m] * certainty * modes[m]
             }))
         });
         let falloff =
@@ -356,7 +356,7 @@ mod tests {
         let gains = [0.4, -0.2, 0.1];
         let falloff = 0.35;
         let rings = Rings::new(size);
-        let taken = |i: usize| {
+        let photo_pixel = |i: usize| {
             let place = Vec2::new((i % 64) as f32 + 0.5, (i / 64) as f32 + 0.5);
             std::array::from_fn(|c| {
                 let light = linear_from_srgb(f32::from(scene(i)[c]) / 255.0);
@@ -364,7 +364,7 @@ mod tests {
                 (255.0 * srgb_from_linear(light)).round() as u8
             })
         };
-        let photo = RgbImage { size, rgb: (0..64 * 48).map(taken).collect(), alpha: None };
+        let photo = RgbImage { size, rgb: (0..64 * 48).map(photo_pixel).collect(), alpha: None };
         let exposures = Exposures { gains: vec![[0.0; 3], gains], falloff: vec![0.0, falloff] };
         assert!(exposures.correct(0, &photo).is_none());
         let corrected = exposures.correct(1, &photo).unwrap();

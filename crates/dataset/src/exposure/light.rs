@@ -120,11 +120,11 @@ pub fn compared_points(dataset: &Dataset) -> Option<Vec<Vec<(u32, Vec2)>>> {
 /// shares of its width and height.
 pub fn points_of(dataset: &Dataset, view: &View) -> Vec<(u32, Vec2)> {
     let camera = &view.camera;
-    let shown = dataset.tracked(view).filter(|(i, _)| !Dataset::is_validation_point(*i));
+    let points = dataset.tracked(view).filter(|(i, _)| !Dataset::is_validation_point(*i));
     let place = |(i, point): (usize, &Point)| {
         Some((i as u32, camera.project(point.position)?.0 / camera.size.as_vec2()))
     };
-    shown.filter_map(place).collect()
+    points.filter_map(place).collect()
 }
 
 #[cfg(test)]

@@ -16,26 +16,31 @@ pub fn own_exposures(
     is_trained: &[bool],
     strengths: Strengths,
 ) -> Vec<Option<[f32; 3]>> {
-    let mut solved = solve(lights, sizes);
-    let is_known: Vec<bool> = solved.errors.iter().map(|errors| errors[1].is_finite()).collect();
+    let mut solution = solve(lights, sizes);
+    let is_known: Vec<bool> = solution.errors.iter().map(|errors| errors[1].is_finite()).collect();
     let is_used: Vec<bool> =
         is_trained.iter().zip(&is_known).map(|(trained, known)| *trained && *known).collect();
     // The training knew the mean of its own photos.
-    let used = || (0..lights.len()).filter(|photo| is_used[*photo]);
+    let used_photos = || (0..lights.len()).filter(|photo| is_used[*photo]);
     for c in 0..3 {
-        let gains = &mut solved.exposures.gains;
-        let mean = used().map(|photo| gains[photo][c]).sum::<f32>() / used().count().max(1) as f32;
-        gains.iter_mut().for_each(|gains| gains[c] -= mean);
+        let gains = &mut solution.exposures.gains;
+        let mean = used_photos().map(|photo| gains[photo][c]).sum::<f32>()
+            / used_photos().count().max(1) as f32;
+        for gains in gains {
+            gains[c] -= mean;
+        }
     }
-    let gains = &solved.exposures.gains;
-    let mut left = gains.clone();
-    for (left, corrected) in
-        left.iter_mut().zip(solved.corrections(strengths).unwrap_or_default().gains)
+    let gains = &solution.exposures.gains;
+    let mut residuals = gains.clone();
+    for (residual, correction) in
+        residuals.iter_mut().zip(solution.corrections(strengths).unwrap_or_default().gains)
     {
-        (0..3).for_each(|c| left[c] -= corrected[c]);
+        for c in 0..3 {
+            residual[c] -= correction[c];
+        }
     }
-    let beside = beside_others(lights, gains, &left, &is_used);
-    beside.into_iter().zip(is_known).map(|(own, is_known)| own.filter(|_| is_known)).collect()
+    let relative = beside_others(lights, gains, &residuals, &is_used);
+    relative.into_iter().zip(is_known).map(|(own, is_known)| own.filter(|_| is_known)).collect()
 }
 
 #[cfg(test)]

@@ -3,18 +3,18 @@
 use super::light::Light;
 use std::collections::HashMap;
 
-/// The gain of each photo less the mean of `left`, what other photos have at its points; `None`
+/// The gain of each photo less the mean of the `residuals` of other photos at its points; `None`
 /// where no other photo shows any. Only photos for which `is_used` count as others.
 pub(super) fn beside_others(
     lights: &[Vec<Light>],
     gains: &[[f32; 3]],
-    left: &[[f32; 3]],
+    residuals: &[[f32; 3]],
     is_used: &[bool],
 ) -> Vec<Option<[f32; 3]>> {
     // Sums by point, and the number of photos.
     let mut sums: HashMap<u32, [f32; 4]> = HashMap::new();
     for photo in (0..lights.len()).filter(|photo| is_used[*photo]) {
-        let [red, green, blue] = left[photo];
+        let [red, green, blue] = residuals[photo];
         for light in &lights[photo] {
             let sum = sums.entry(light.point).or_default();
             *sum = [sum[0] + red, sum[1] + green, sum[2] + blue, sum[3] + 1.0];
@@ -26,12 +26,14 @@ pub(super) fn beside_others(
         for sum in lights[photo].iter().filter_map(|light| sums.get(&light.point)) {
             let others = sum[3] - itself;
             if others > 0.5 {
-                (0..3).for_each(|c| mean[c] += (sum[c] - itself * left[photo][c]) / others);
+                for c in 0..3 {
+                    mean[c] += (sum[c] - itself * residuals[photo][c]) / others;
+                }
                 mean[3] += 1.0;
             }
         }
-        let beside = [0, 1, 2].map(|c: usize| gains[photo][c] - mean[c] / mean[3]);
-        (mean[3] > 0.0).then_some(beside)
+        let relative = [0, 1, 2].map(|c: usize| gains[photo][c] - mean[c] / mean[3]);
+        (mean[3] > 0.0).then_some(relative)
     };
     (0..lights.len()).map(of_photo).collect()
 }

@@ -32,11 +32,11 @@ pub fn solve(photos: &[Vec<Light>], cameras: &[UVec2]) -> Solved {
     let all: usize = photos.iter().map(Vec::len).sum();
     let stride = (all / MAX_OBSERVATIONS + 1) as u32;
     let mut numbers = HashMap::new();
-    let mut seen = Vec::new();
+    let mut samples = Vec::new();
     for (photo, lights) in photos.iter().enumerate() {
         for light in lights.iter().filter(|light| light.point.is_multiple_of(stride)) {
             let next = numbers.len();
-            seen.push(LightSample {
+            samples.push(LightSample {
                 photo,
                 point: *numbers.entry(light.point).or_insert(next),
                 light: *light,
@@ -44,59 +44,59 @@ pub fn solve(photos: &[Vec<Light>], cameras: &[UVec2]) -> Solved {
         }
     }
     let kinds = kinds(cameras);
-    let mut solved = Solved {
+    let mut solution = Solved {
         exposures: Exposures {
             gains: vec![[0.0; 3]; photos.len()],
             falloff: vec![0.0; photos.len()],
         },
         errors: vec![[f32::INFINITY; 3]; photos.len()],
         beside_others: Vec::new(),
-        falloff_beside_others: radii_beside_others(&seen, photos.len(), numbers.len()),
+        falloff_beside_others: radii_beside_others(&samples, photos.len(), numbers.len()),
     };
-    let is_tied = tied(&seen, photos.len(), numbers.len());
+    let is_connected = connected_photos(&samples, photos.len(), numbers.len());
     for c in 0..3 {
-        let channel = Channel::solve(&seen, c, &kinds, numbers.len());
+        let channel = Channel::solve(&samples, c, &kinds, numbers.len());
         for (photo, error) in channel.errors().into_iter().enumerate() {
-            solved.exposures.falloff[photo] += channel.falloff[kinds[photo]] / 3.0;
-            if is_tied[photo] {
-                solved.exposures.gains[photo][c] = channel.photos[photo];
-                solved.errors[photo][c] = error;
+            solution.exposures.falloff[photo] += channel.falloff[kinds[photo]] / 3.0;
+            if is_connected[photo] {
+                solution.exposures.gains[photo][c] = channel.photos[photo];
+                solution.errors[photo][c] = error;
             }
         }
     }
-    solved.leave_out_impossible();
-    let is_known: Vec<bool> = solved.errors.iter().map(|errors| errors[0].is_finite()).collect();
-    let gains = &solved.exposures.gains;
-    let beside = beside_others(photos, gains, gains, &is_known);
-    solved.beside_others = beside.into_iter().map(Option::unwrap_or_default).collect();
-    solved
+    solution.leave_out_impossible();
+    let is_known: Vec<bool> = solution.errors.iter().map(|errors| errors[0].is_finite()).collect();
+    let gains = &solution.exposures.gains;
+    let relative = beside_others(photos, gains, gains, &is_known);
+    solution.beside_others = relative.into_iter().map(Option::unwrap_or_default).collect();
+    solution
 }
 
 /// Slope of r² less its mean over other photos at the same point on r², within photos; 0 where no
 /// point is in several.
-fn radii_beside_others(seen: &[LightSample], photos: usize, points: usize) -> f32 {
+fn radii_beside_others(samples: &[LightSample], photos: usize, points: usize) -> f32 {
     let mut of_point = vec![[0.0f64; 2]; points];
     let mut of_photo = vec![[0.0f64; 3]; photos];
-    for LightSample { point, light, .. } in seen {
+    for LightSample { point, light, .. } in samples {
         let [sum, count] = of_point[*point];
         of_point[*point] = [sum + f64::from(light.r2), count + 1.0];
     }
-    let beside = |LightSample { point, light, .. }: &LightSample| {
+    let relative_r2 = |LightSample { point, light, .. }: &LightSample| {
         let [sum, count] = of_point[*point];
         let r2 = f64::from(light.r2);
         (count > 1.5).then(|| [r2, r2 - (sum - r2) / (count - 1.0)])
     };
-    for seen in seen {
-        if let Some([r2, rest]) = beside(seen) {
-            let [a, b, count] = of_photo[seen.photo];
-            of_photo[seen.photo] = [a + r2, b + rest, count + 1.0];
+    for sample in samples {
+        if let Some([r2, rest]) = relative_r2(sample) {
+            let [a, b, count] = of_photo[sample.photo];
+            of_photo[sample.photo] = [a + r2, b + rest, count + 1.0];
         }
     }
     let mut product = 0.0;
     let mut square = 0.0;
-    for seen in seen {
-        if let Some([r2, rest]) = beside(seen) {
-            let [a, b, count] = of_photo[seen.photo];
+    for sample in samples {
+        if let Some([r2, rest]) = relative_r2(sample) {
+            let [a, b, count] = of_photo[sample.photo];
             product += (r2 - a / count) * (rest - b / count);
             square += (r2 - a / count).powi(2);
         }
@@ -117,16 +117,18 @@ fn kinds(cameras: &[UVec2]) -> Vec<usize> {
 
 /// True for each photo that tracks enough points and is connected by them to most of the others:
 /// between separate groups of photos gains say nothing.
-fn tied(seen: &[LightSample], photos: usize, points: usize) -> Vec<bool> {
+fn connected_photos(samples: &[LightSample], photos: usize, points: usize) -> Vec<bool> {
     let mut groups = Sets::new(photos + points);
     let mut counts = vec![0; photos];
-    for LightSample { photo, point, .. } in seen {
+    for LightSample { photo, point, .. } in samples {
         groups.join(*photo as u32, (photos + point) as u32);
         counts[*photo] += 1;
     }
     let group: Vec<u32> = (0..photos as u32).map(|photo| groups.first(photo)).collect();
     let mut sizes = vec![0; photos + points];
-    group.iter().for_each(|group| sizes[*group as usize] += 1);
+    for group in &group {
+        sizes[*group as usize] += 1;
+    }
     let largest = (0..sizes.len()).rev().max_by_key(|group| sizes[*group]).unwrap_or(0) as u32;
     (0..photos).map(|photo| group[photo] == largest && counts[photo] >= MIN_POINTS).collect()
 }
@@ -137,29 +139,28 @@ impl Solved {
         let gains = &mut self.exposures.gains;
         for c in 0..3 {
             let is_known = |errors: &[f32; 3]| errors.iter().all(|error| error.is_finite());
-            let known = gains.iter().zip(&self.errors).filter(|(_, errors)| is_known(errors));
-            let middle =
-                median(known.map(|(gains, _)| gains[c]).collect(), f32::total_cmp).unwrap_or(0.0);
+            let known_gains = gains.iter().zip(&self.errors).filter(|(_, errors)| is_known(errors));
+            let middle = median(known_gains.map(|(gains, _)| gains[c]).collect(), f32::total_cmp)
+                .unwrap_or(0.0);
             for (gains, errors) in gains.iter().zip(&mut self.errors) {
                 if !((gains[c] - middle).abs() <= MAX_GAIN.ln()) {
                     *errors = [f32::INFINITY; 3];
                 }
             }
         }
-        let known: Vec<usize> =
+        let known_photos: Vec<usize> =
             (0..gains.len()).filter(|i| self.errors[*i][0].is_finite()).collect();
         for c in 0..3 {
-            let sum: f64 = known.iter().map(|i| f64::from(gains[*i][c])).sum();
-            let mean = (sum / known.len().max(1) as f64) as f32;
+            let sum: f64 = known_photos.iter().map(|i| f64::from(gains[*i][c])).sum();
+            let mean = (sum / known_photos.len().max(1) as f64) as f32;
             for (gains, errors) in gains.iter_mut().zip(&self.errors) {
                 gains[c] = if errors[0].is_finite() { gains[c] - mean } else { 0.0 };
             }
         }
         let falloff = &mut self.exposures.falloff;
-        falloff
-            .iter_mut()
-            .filter(|falloff| !(falloff.abs() <= MAX_GAIN.ln()))
-            .for_each(|falloff| *falloff = 0.0);
+        for falloff in falloff.iter_mut().filter(|falloff| !(falloff.abs() <= MAX_GAIN.ln())) {
+            *falloff = 0.0;
+        }
     }
 }
 
@@ -172,7 +173,7 @@ struct LightSample {
 
 /// The unknowns of a channel.
 struct Channel<'a> {
-    seen: &'a [LightSample],
+    samples: &'a [LightSample],
     c: usize,
     photos: Vec<f32>,
     points: Vec<f32>,
@@ -186,22 +187,24 @@ struct Channel<'a> {
 }
 
 impl<'a> Channel<'a> {
-    fn solve(seen: &'a [LightSample], c: usize, kinds: &'a [usize], points: usize) -> Self {
+    fn solve(samples: &'a [LightSample], c: usize, kinds: &'a [usize], points: usize) -> Self {
         let cameras = kinds.len() + 1;
         let mut channel = Self {
-            seen,
+            samples,
             c,
             photos: vec![0.0; kinds.len()],
             points: vec![0.0; points],
             falloff: vec![0.0; cameras],
             kinds,
-            weights: seen.iter().map(|seen| f64::from(seen.light.weight[c])).collect(),
+            weights: samples.iter().map(|sample| f64::from(sample.light.weight[c])).collect(),
             has_radii: vec![false; cameras],
         };
-        channel.points = channel.means(points, |seen| (seen.point, seen.light.log[c]));
+        channel.points = channel.means(points, |sample| (sample.point, sample.light.log[c]));
         channel.has_radii = channel.has_radii();
         for _ in 0..ROUNDS[0] {
-            (0..ROUNDS[1]).for_each(|_| channel.improve());
+            for _ in 0..ROUNDS[1] {
+                channel.improve();
+            }
             channel.weigh();
         }
         channel
@@ -209,13 +212,13 @@ impl<'a> Channel<'a> {
 
     /// True for each kind of camera whose r² differs within points and photos.
     fn has_radii(&self) -> Vec<bool> {
-        let of_point = self.means(self.points.len(), |seen| (seen.point, seen.light.r2));
-        let within = |seen: &LightSample| seen.light.r2 - of_point[seen.point];
-        let of_photo = self.means(self.photos.len(), |seen| (seen.photo, within(seen)));
+        let of_point = self.means(self.points.len(), |sample| (sample.point, sample.light.r2));
+        let r2_in_point = |sample: &LightSample| sample.light.r2 - of_point[sample.point];
+        let of_photo = self.means(self.photos.len(), |sample| (sample.photo, r2_in_point(sample)));
         let mut sums = vec![[0.0f64; 2]; self.falloff.len()];
-        for (seen, weight) in self.seen.iter().zip(&self.weights) {
-            let rest = f64::from(within(seen) - of_photo[seen.photo]);
-            let sum = &mut sums[self.kinds[seen.photo]];
+        for (sample, weight) in self.samples.iter().zip(&self.weights) {
+            let rest = f64::from(r2_in_point(sample) - of_photo[sample.photo]);
+            let sum = &mut sums[self.kinds[sample.photo]];
             *sum = [sum[0] + weight * rest * rest, sum[1] + weight];
         }
         sums.iter().map(|[square, weight]| *square > MIN_RADII.powi(2) * weight).collect()
@@ -224,8 +227,8 @@ impl<'a> Channel<'a> {
     /// Weighted means of a value, by an index.
     fn means(&self, count: usize, value: impl Fn(&LightSample) -> (usize, f32)) -> Vec<f32> {
         let mut sums = vec![[0.0f64; 2]; count];
-        for (seen, weight) in self.seen.iter().zip(&self.weights) {
-            let (index, value) = value(seen);
+        for (sample, weight) in self.samples.iter().zip(&self.weights) {
+            let (index, value) = value(sample);
             sums[index] = [sums[index][0] + weight * f64::from(value), sums[index][1] + weight];
         }
         sums.iter()
@@ -234,26 +237,26 @@ impl<'a> Channel<'a> {
     }
 
     /// Residual of a light.
-    fn left(&self, LightSample { photo, point, light }: &LightSample) -> f32 {
+    fn residual(&self, LightSample { photo, point, light }: &LightSample) -> f32 {
         light.log[self.c] - self.photos[*photo] - self.points[*point]
             + self.falloff[self.kinds[*photo]] * light.r2
     }
 
     fn improve(&mut self) {
-        self.photos = self.means(self.photos.len(), |seen| {
-            (seen.photo, self.left(seen) + self.photos[seen.photo])
+        self.photos = self.means(self.photos.len(), |sample| {
+            (sample.photo, self.residual(sample) + self.photos[sample.photo])
         });
-        self.points = self.means(self.points.len(), |seen| {
-            (seen.point, self.left(seen) + self.points[seen.point])
+        self.points = self.means(self.points.len(), |sample| {
+            (sample.point, self.residual(sample) + self.points[sample.point])
         });
         // Growth of the residual with r², within a point.
-        let of_point = self.means(self.points.len(), |seen| (seen.point, seen.light.r2));
+        let of_point = self.means(self.points.len(), |sample| (sample.point, sample.light.r2));
         let mut sums = vec![[0.0f64; 2]; self.falloff.len()];
-        for (seen, weight) in self.seen.iter().zip(&self.weights) {
-            let [apart, left] =
-                [seen.light.r2 - of_point[seen.point], self.left(seen)].map(f64::from);
-            let sum = &mut sums[self.kinds[seen.photo]];
-            *sum = [sum[0] - weight * apart * left, sum[1] + weight * apart * apart];
+        for (sample, weight) in self.samples.iter().zip(&self.weights) {
+            let [r2, residual] =
+                [sample.light.r2 - of_point[sample.point], self.residual(sample)].map(f64::from);
+            let sum = &mut sums[self.kinds[sample.photo]];
+            *sum = [sum[0] - weight * r2 * residual, sum[1] + weight * r2 * r2];
         }
         for ((falloff, [above, below]), has_radii) in
             self.falloff.iter_mut().zip(sums).zip(&self.has_radii)
@@ -264,23 +267,24 @@ impl<'a> Channel<'a> {
 
     /// Less weight for larger residuals.
     fn weigh(&mut self) {
-        let weight = |seen: &LightSample| seen.light.weight[self.c];
-        let left: Vec<f32> = self.seen.iter().map(|seen| self.left(seen)).collect();
-        let counted = left.iter().zip(self.seen).filter(|(_, seen)| weight(seen) > 0.0);
-        let usual = median(counted.map(|(left, _)| left.abs()).collect(), f32::total_cmp);
-        let scale = MIN_SCALE.max(1.5 * usual.unwrap_or(0.0));
-        let weigh = |(seen, left): (&LightSample, f32)| {
-            f64::from(weight(seen) / (1.0 + (left / scale).powi(2)))
+        let weight = |sample: &LightSample| sample.light.weight[self.c];
+        let residuals: Vec<f32> = self.samples.iter().map(|sample| self.residual(sample)).collect();
+        let counted = residuals.iter().zip(self.samples).filter(|(_, sample)| weight(sample) > 0.0);
+        let median_residual =
+            median(counted.map(|(residual, _)| residual.abs()).collect(), f32::total_cmp);
+        let scale = MIN_SCALE.max(1.5 * median_residual.unwrap_or(0.0));
+        let weigh = |(sample, residual): (&LightSample, f32)| {
+            f64::from(weight(sample) / (1.0 + (residual / scale).powi(2)))
         };
-        self.weights = self.seen.iter().zip(left).map(weigh).collect();
+        self.weights = self.samples.iter().zip(residuals).map(weigh).collect();
     }
 
     /// Standard errors of the photos' gains; infinite without light.
     fn errors(&self) -> Vec<f32> {
         let mut sums = vec![[0.0f64; 2]; self.photos.len()];
-        for (seen, weight) in self.seen.iter().zip(&self.weights) {
-            let sum = &mut sums[seen.photo];
-            *sum = [sum[0] + (weight * f64::from(self.left(seen))).powi(2), sum[1] + weight];
+        for (sample, weight) in self.samples.iter().zip(&self.weights) {
+            let sum = &mut sums[sample.photo];
+            *sum = [sum[0] + (weight * f64::from(self.residual(sample))).powi(2), sum[1] + weight];
         }
         let error = |[square, sum]: [f64; 2]| {
             if sum > 0.0 { (square.sqrt() / sum) as f32 } else { f32::INFINITY }
@@ -330,17 +334,17 @@ mod tests {
 
     #[test]
     fn gains_and_falloff_are_found() {
-        let solved = solve(&lights(&TRUTH, 0.4, spread_radii), &[UVec2::new(160, 120); 5]);
+        let solution = solve(&lights(&TRUTH, 0.4, spread_radii), &[UVec2::new(160, 120); 5]);
         for (i, truth) in TRUTH.iter().enumerate() {
             for (c, truth) in truth.iter().enumerate() {
-                let off = solved.exposures.gains[i][c] - truth;
+                let off = solution.exposures.gains[i][c] - truth;
                 assert!(off.abs() < 0.01, "{i} {c}: {off}");
-                assert!((1e-5..0.02).contains(&solved.errors[i][c]), "{}", solved.errors[i][c]);
+                assert!((1e-5..0.02).contains(&solution.errors[i][c]), "{}", solution.errors[i][c]);
             }
             assert!(
-                (solved.exposures.falloff[i] - 0.4).abs() < 0.02,
+                (solution.exposures.falloff[i] - 0.4).abs() < 0.02,
                 "{:?}",
-                solved.exposures.falloff
+                solution.exposures.falloff
             );
         }
     }
@@ -352,9 +356,9 @@ mod tests {
         let ring = |photo: usize, _: usize| 0.1 + 0.15 * photo as f32;
         for sizes in [[0, 1, 2, 3, 4], [0; 5]].map(|add| add.map(|add| UVec2::new(160 + add, 120)))
         {
-            let solved = solve(&lights(&TRUTH, 0.0, ring), &sizes);
-            assert_eq!(solved.exposures.falloff, [0.0; 5]);
-            for (gains, truth) in solved.exposures.gains.iter().zip(&TRUTH) {
+            let solution = solve(&lights(&TRUTH, 0.0, ring), &sizes);
+            assert_eq!(solution.exposures.falloff, [0.0; 5]);
+            for (gains, truth) in solution.exposures.gains.iter().zip(&TRUTH) {
                 assert!((0..3).all(|c| (gains[c] - truth[c]).abs() < 0.01), "{gains:?} {truth:?}");
             }
         }
@@ -367,21 +371,21 @@ mod tests {
         photos[1].iter_mut().for_each(|light| light.point += 1000);
         photos[2].iter_mut().for_each(|light| light.log = light.log.map(|log| log - 6.0));
         photos[3].clear();
-        let solved = solve(&photos, &[UVec2::new(160, 120); 5]);
+        let solution = solve(&photos, &[UVec2::new(160, 120); 5]);
         for unknown in [1, 2, 3] {
-            assert_eq!(solved.exposures.gains[unknown], [0.0; 3]);
+            assert_eq!(solution.exposures.gains[unknown], [0.0; 3]);
             assert!(
-                solved.errors[unknown].iter().all(|error| error.is_infinite()),
+                solution.errors[unknown].iter().all(|error| error.is_infinite()),
                 "{:?}",
-                solved.errors
+                solution.errors
             );
         }
         assert!(
-            (solved.exposures.gains[0][1] - 0.225).abs() < 0.01,
+            (solution.exposures.gains[0][1] - 0.225).abs() < 0.01,
             "{:?}",
-            solved.exposures.gains
+            solution.exposures.gains
         );
-        assert_eq!(solved.verdict(Strengths::NONE).unknown, 3);
+        assert_eq!(solution.verdict(Strengths::NONE).unknown, 3);
         assert_eq!(solve(&[], &[]), Solved::default());
     }
 }
