@@ -12,7 +12,7 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::math::geometry::centroid;
 use trisplat_scene::math::lists::evenly_spaced;
 use trisplat_scene::report::Report;
-use trisplat_scene::{Error, ImportedSplats, Result, frames};
+use trisplat_scene::{Error, ImportedSplats, Result, Soup, frames};
 use trisplat_teacher::{
     GaussianTeacher, ViewpointKind, Viewpoints, between, dataset_of_pictures, with_pictures_of,
 };
@@ -132,30 +132,20 @@ pub(super) fn solid(
     };
     let mut teacher = GaussianTeacher::new(&splats.splats, &cameras);
     let max_bytes = how.photo_bytes();
-    let mut drawn = on_drawn(observer);
     let dataset = match photos {
         Some(photos) => {
             // The contribution of each Gaussian to the photos.
             for camera in &cameras {
                 drop(teacher.picture(camera));
             }
-            with_pictures_of(
-                photos,
-                SHARE_BETWEEN,
-                max_bytes,
-                |camera| teacher.picture(&to_file(camera)),
-                &mut drawn,
-            )?
+            let picture = |camera: &Camera| teacher.picture(&to_file(camera));
+            with_pictures_of(photos, SHARE_BETWEEN, max_bytes, picture, &mut on_drawn(observer))?
         }
-        None => dataset_of_pictures(
-            path,
-            &cameras,
-            max_bytes,
-            |camera| teacher.picture(camera),
-            &mut drawn,
-        )?,
+        None => {
+            let picture = |camera: &Camera| teacher.picture(camera);
+            dataset_of_pictures(path, &cameras, max_bytes, picture, &mut on_drawn(observer))?
+        }
     };
-    drop(drawn);
     let surroundings = teacher.shows_surroundings();
     let work = if surroundings { effort.surroundings } else { effort.object };
     let mut options = work.training(max_triangles);
@@ -165,17 +155,31 @@ pub(super) fn solid(
     }
     options.rates.corners *= CORNER_RATE_SHARE;
     if surroundings {
-        let view = |view: &View| View { camera: to_file(&view.camera), ..view.clone() };
-        let views: Vec<View> = dataset.train().map(view).collect();
-        // Without a shell, few viewpoints would have the far background close in front of them.
-        let middles: Vec<Vec3> = first.vertices.iter().copied().map(centroid).collect();
-        let behind =
-            shell_around(&middles, &views.iter().collect::<Vec<_>>(), &options, how.photo_bytes())?;
-        first.append(behind);
+        let shell = far_shell(&first, &dataset, to_file, &options, max_bytes)?;
+        first.append(shell);
     }
     let (scene, stage) = train(splats.with(first), &dataset, how, &options, clock, observer)?;
     let pictures = photos.is_none().then(|| Views::of_pictures(&dataset, how, teacher.covered()));
     Ok(Hardened { scene, pictures, stage })
+}
+
+/// A shell behind the `first` triangles: without one, few viewpoints would have the far background
+/// close in front of them.
+///
+/// # Errors
+///
+/// A photo that cannot be decoded.
+fn far_shell(
+    first: &Soup,
+    dataset: &Dataset,
+    to_file: impl Fn(&Camera) -> Camera,
+    options: &TrainOptions,
+    max_bytes: u64,
+) -> Result<Soup> {
+    let view = |view: &View| View { camera: to_file(&view.camera), ..view.clone() };
+    let views: Vec<View> = dataset.train().map(view).collect();
+    let centroids: Vec<Vec3> = first.vertices.iter().copied().map(centroid).collect();
+    shell_around(&centroids, &views.iter().collect::<Vec<_>>(), options, max_bytes)
 }
 
 impl TrainingEffort {
@@ -186,22 +190,22 @@ impl TrainingEffort {
         let stored = self.chosen(&stand_in.cameras);
         // The size is that of pictures from around an object.
         let sizes = (self.pictures, self.object.longer_px);
-        let found = Viewpoints::of_splats(&splats.splats, &stand_in, &stored, sizes);
-        let mut found = found.ok_or_else(|| shows_nothing(path))?;
-        if found.kind != ViewpointKind::Stored {
+        let viewpoints = Viewpoints::of_splats(&splats.splats, &stand_in, &stored, sizes);
+        let mut viewpoints = viewpoints.ok_or_else(|| shows_nothing(path))?;
+        if viewpoints.kind != ViewpointKind::Stored {
             // The most telling ones come first.
-            found.cameras.truncate(self.pictures);
-            return Ok(self.chosen(&found.cameras));
+            viewpoints.cameras.truncate(self.pictures);
+            return Ok(self.chosen(&viewpoints.cameras));
         }
         for _ in 0..ROUNDS_BETWEEN {
-            let room = self.pictures.saturating_sub(found.cameras.len());
-            let more = between(&found.cameras);
-            let earlier = found.cameras.clone();
-            found
+            let room = self.pictures.saturating_sub(viewpoints.cameras.len());
+            let more = between(&viewpoints.cameras);
+            let earlier = viewpoints.cameras.clone();
+            viewpoints
                 .cameras
                 .extend(more.into_iter().filter(|camera| !earlier.contains(camera)).take(room));
         }
-        Ok(found.cameras)
+        Ok(viewpoints.cameras)
     }
 
     /// At most as many of `cameras` as there are pictures, evenly spaced, with pictures of at most

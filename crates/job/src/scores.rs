@@ -302,12 +302,9 @@ mod tests {
         let mut picture = (*photo).clone();
         let width = camera.size.x as usize;
         let right = |(i, _): &(usize, &mut [u8; 3])| i % width > width / 2;
-        picture
-            .rgb
-            .iter_mut()
-            .enumerate()
-            .filter(right)
-            .for_each(|(_, pixel)| *pixel = pixel.map(|c| !c));
+        for (_, pixel) in picture.rgb.iter_mut().enumerate().filter(right) {
+            *pixel = pixel.map(|c| !c);
+        }
         let equal = Some((view.name.clone(), 120.0));
         assert_eq!(twice.psnr(0, &picture).unwrap(), equal, "only one photo shows the right half");
         twice.cameras.push(camera);
