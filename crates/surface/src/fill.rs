@@ -34,7 +34,9 @@ pub(super) fn fill(mesh: &mut Mesh, holes: Holes) -> u64 {
             }
         }
     }
-    rings.iter().for_each(|ring| close(mesh, ring));
+    for ring in &rings {
+        close(mesh, ring);
+    }
     rings.len() as u64
 }
 
@@ -50,14 +52,18 @@ fn rings(mesh: &Mesh) -> Vec<Vec<u32>> {
         while let Some(next) = path.last().and_then(|at| take(&mut after, *at)) {
             if let Some(first) = places[next as usize] {
                 let ring = path.split_off(first);
-                ring.iter().for_each(|vertex| places[*vertex as usize] = None);
+                for vertex in &ring {
+                    places[*vertex as usize] = None;
+                }
                 rings.extend(Some(ring).filter(|ring| ring.len() >= 3));
             }
             places[next as usize] = Some(path.len());
             path.push(next);
         }
         // A border that ends nowhere is no ring.
-        path.iter().for_each(|vertex| places[*vertex as usize] = None);
+        for vertex in path {
+            places[vertex as usize] = None;
+        }
     }
     rings
 }
@@ -118,12 +124,14 @@ pub(super) struct Components {
     pub(super) dropped_faces: u64,
 }
 
-/// Drops pieces of fewer than `min_faces` faces, and vertices that no face uses. Faces are connected
-/// that share a vertex.
+/// Drops pieces of fewer than `min_faces` faces, and vertices that no face uses. Faces are
+/// connected that share a vertex.
 pub(super) fn drop_small(mesh: &mut Mesh, min_faces: u32) -> Components {
     let pieces = pieces(mesh);
     let mut faces = vec![0u32; mesh.vertex_count()];
-    pieces.iter().for_each(|piece| faces[*piece as usize] += 1);
+    for piece in &pieces {
+        faces[*piece as usize] += 1;
+    }
     keep_pieces(mesh, &pieces, |piece| faces[piece] > 0 && faces[piece] >= min_faces)
 }
 
@@ -131,7 +139,9 @@ pub(super) fn drop_small(mesh: &mut Mesh, min_faces: u32) -> Components {
 pub(super) fn drop_small_areas(mesh: &mut Mesh, share: f64) -> Components {
     let pieces = pieces(mesh);
     let mut areas = vec![0.0; mesh.vertex_count()];
-    pieces.iter().enumerate().for_each(|(face, piece)| areas[*piece as usize] += mesh.area(face));
+    for (face, piece) in pieces.iter().enumerate() {
+        areas[*piece as usize] += mesh.area(face);
+    }
     let all = areas.iter().sum::<f64>();
     let largest = areas.iter().copied().fold(0.0, f64::max);
     let min_area = f64::min(share * all, largest);

@@ -183,7 +183,9 @@ pub(super) fn sheets(distances: &[f32; CORNERS]) -> impl Iterator<Item = EdgeSet
     let mut sheet: [EdgeSet; 12] = std::array::from_fn(|e| EdgeSet::from(crossed(e)) << e);
     let mut join = |a: usize, b: usize| {
         let both = sheet[a] | sheet[b];
-        (0..12).filter(|e| both >> e & 1 == 1).for_each(|e| sheet[e] = both);
+        for e in (0..12).filter(|e| both >> e & 1 == 1) {
+            sheet[e] = both;
+        }
     };
     for face in 0..6 {
         let ring = ring(face);
@@ -195,9 +197,9 @@ pub(super) fn sheets(distances: &[f32; CORNERS]) -> impl Iterator<Item = EdgeSet
                 // of a face add in this order.
                 let [a, b, c, d] = ring.map(|corner| distances[corner]);
                 let separate_sign = (a + c) + (b + d) >= 0.0;
-                (0..4)
-                    .filter(|k| inside[ring[*k]] == separate_sign)
-                    .for_each(|k| join(edges[(k + 3) % 4], edges[k]));
+                for k in (0..4).filter(|k| inside[ring[*k]] == separate_sign) {
+                    join(edges[(k + 3) % 4], edges[k]);
+                }
             }
             _ => {
                 let mut two = edges.into_iter().filter(|e| crossed(*e));
@@ -232,7 +234,9 @@ mod tests {
 
     fn of(inside: &[usize], weight: f32) -> Vec<EdgeSet> {
         let mut distances = [1.0; CORNERS];
-        inside.iter().for_each(|corner| distances[*corner] = -weight);
+        for corner in inside {
+            distances[*corner] = -weight;
+        }
         sheets(&distances).collect()
     }
 

@@ -242,7 +242,9 @@ fn choose_vertices(mesh: &Mesh, cells: &[u32]) -> (Vec<u32>, f64) {
     let count = cells.iter().max().map_or(0, |last| *last as usize + 1);
     // Distances are of numbers near zero: relative to a vertex of the cell.
     let mut origins = vec![DVec3::ZERO; count];
-    cells.iter().zip(&mesh.positions).for_each(|(cell, p)| origins[*cell as usize] = p.as_dvec3());
+    for (cell, p) in cells.iter().zip(&mesh.positions) {
+        origins[*cell as usize] = p.as_dvec3();
+    }
     let mut quadrics = vec![Quadric::default(); count];
     for face in 0..mesh.face_count() {
         let [a, b, c] = mesh.corners(face).map(|p| p.as_dvec3());
@@ -316,7 +318,9 @@ impl Neighbours {
         let runs: Vec<((u32, u32), usize)> =
             sides.chunk_by(|a, b| a == b).map(|run| (run[0], run.len())).collect();
         let mut on_border = vec![false; mesh.vertex_count()];
-        runs.iter().filter(|run| run.1 == 1).for_each(|run| on_border[run.0.0 as usize] = true);
+        for ((from, _), _) in runs.iter().filter(|(_, faces)| *faces == 1) {
+            on_border[*from as usize] = true;
+        }
         let counts =
             |((from, _), faces): &&((u32, u32), usize)| *faces == 1 || !on_border[*from as usize];
         let pairs: Vec<(u32, u32)> = runs.iter().filter(counts).map(|run| run.0).collect();
