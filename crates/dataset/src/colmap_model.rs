@@ -101,7 +101,9 @@ pub(super) fn lens(path: &Path, model: &str, size: [u64; 2], params: &[f64]) -> 
         _ => [0, 1, 4, 5, 2, 3, 6, 7], // k1 k2 p1 p2 k3 k4 sx1 sy1
     };
     let mut values = [0.0; 8];
-    rest.iter().zip(order).for_each(|(value, at)| values[at] = *value);
+    for (value, at) in rest.iter().zip(order) {
+        values[at] = *value;
+    }
     let [k1, k2, k3, k4, p1, p2, sx, sy] = values;
     let fisheye = model.ends_with("FISHEYE");
     let distortion = Distortion {

@@ -131,7 +131,9 @@ pub(crate) fn sample_notes(orientation: u16, focal_35: u16) -> Vec<u8> {
     ]
     .map(|(tag, value)| exif::Field { tag, ifd_num: In::PRIMARY, value });
     let mut writer = exif::experimental::Writer::new();
-    fields.iter().for_each(|field| writer.push_field(field));
+    for field in &fields {
+        writer.push_field(field);
+    }
     let mut bytes = Cursor::new(Vec::new());
     writer.write(&mut bytes, false).unwrap();
     bytes.into_inner()

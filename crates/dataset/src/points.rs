@@ -200,7 +200,9 @@ mod tests {
         for far in [1e6, 1e30] {
             let away = |i: usize| if i.is_multiple_of(9) { far } else { 1.0 };
             points.clone_from(&as_found);
-            points.iter_mut().enumerate().for_each(|(i, point)| point.position *= away(i));
+            for (i, point) in points.iter_mut().enumerate() {
+                point.position *= away(i);
+            }
             let mut near = points.clone();
             let (count, horizon) = bring_to_horizon(&mut near, &cameras);
             assert_eq!(count, 10);

@@ -54,10 +54,12 @@ pub(super) fn plans(lens: &Lens) -> Result<Vec<(&'static str, Option<Undistort>)
 
 /// The name of a view: `walk_0007@left.jpg`.
 pub(super) fn name(photo: &str, part: &str) -> String {
-    match (photo.rsplit_once('.'), part) {
-        (_, "") => photo.to_owned(),
-        (Some((stem, extension)), _) => format!("{stem}@{part}.{extension}"),
-        (None, _) => format!("{photo}@{part}"),
+    if part.is_empty() {
+        return photo.to_owned();
+    }
+    match photo.rsplit_once('.') {
+        Some((stem, extension)) => format!("{stem}@{part}.{extension}"),
+        None => format!("{photo}@{part}"),
     }
 }
 
@@ -181,7 +183,9 @@ fn largest_rectangle(side: usize, whole: impl Fn(usize, usize) -> bool) -> Optio
     let mut area = 0;
     let mut height = vec![0; side];
     for y in 0..side {
-        (0..side).for_each(|x| height[x] = if whole(x, y) { height[x] + 1 } else { 0 });
+        for x in 0..side {
+            height[x] = if whole(x, y) { height[x] + 1 } else { 0 };
+        }
         for left in 0..side {
             let mut lowest = height[left];
             for (right, &tall) in height.iter().enumerate().skip(left) {

@@ -173,7 +173,9 @@ impl Exposures {
         if !saturated.is_empty() {
             let all = photo.rgb.len();
             let alpha = corrected.alpha.get_or_insert_with(|| vec![u8::MAX; all]);
-            saturated.into_iter().for_each(|i| alpha[i] = alpha[i].min(SATURATED_WEIGHT));
+            for i in saturated {
+                alpha[i] = alpha[i].min(SATURATED_WEIGHT);
+            }
         }
         Some(corrected)
     }

@@ -368,8 +368,12 @@ mod tests {
     fn photos_without_usable_estimates_have_the_mean_gain() {
         let mut photos = lights(&TRUTH, 0.0, spread_radii);
         // One shares no point with the others, one is nine stops darker, one shows nothing.
-        photos[1].iter_mut().for_each(|light| light.point += 1000);
-        photos[2].iter_mut().for_each(|light| light.log = light.log.map(|log| log - 6.0));
+        for light in &mut photos[1] {
+            light.point += 1000;
+        }
+        for light in &mut photos[2] {
+            light.log = light.log.map(|log| log - 6.0);
+        }
         photos[3].clear();
         let solution = solve(&photos, &[UVec2::new(160, 120); 5]);
         for unknown in [1, 2, 3] {
