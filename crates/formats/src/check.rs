@@ -79,7 +79,11 @@ fn check_splats(
 ) -> Result<Checked> {
     let mut findings = Findings::default();
     match read_splats(format, source, &ReadOptions { sh_degree: 3, ..*options }) {
-        Ok(loaded) => loaded.warnings.iter().for_each(|warning| findings.warning("file", warning)),
+        Ok(loaded) => {
+            for warning in &loaded.warnings {
+                findings.warning("file", warning);
+            }
+        }
         Err(error) => findings.take(error)?,
     }
     Ok(Checked {

@@ -35,14 +35,14 @@ pub(super) fn detect(source: &mut Source) -> Result<Format> {
             format!("is a photo ({kind}), and no scene: `trisplat make` makes a scene of photos");
         return Err(Error::unsupported(&source.path, reason));
     }
-    let seen = match (head.is_empty(), Format::by_extension(&named)) {
-        (true, _) => "is empty".to_owned(),
-        (false, Some(named)) => {
-            format!("is named like {} but begins with {}", named.name(), preview(&head))
-        }
-        (false, None) => format!("begins with {}, which no reader recognises", preview(&head)),
+    let fault = if head.is_empty() {
+        "is empty".to_owned()
+    } else if let Some(format) = Format::by_extension(&named) {
+        format!("is named like {} but begins with {}", format.name(), preview(&head))
+    } else {
+        format!("begins with {}, which no reader recognises", preview(&head))
     };
-    Err(Error::unsupported(&source.path, format!("{seen}; give {ACCEPTED}")))
+    Err(Error::unsupported(&source.path, format!("{fault}; give {ACCEPTED}")))
 }
 
 /// The scene in the file at `path`, in any format that is read; "-" is standard input.
@@ -361,9 +361,9 @@ mod content_tests {
     /// Writes `text` as the file `name` and returns the names of the files that it names.
     fn named(name: &str, text: &[u8], beside: &[(&str, &str)]) -> Vec<String> {
         let folder = tempfile::tempdir().unwrap();
-        beside
-            .iter()
-            .for_each(|(name, text)| std::fs::write(folder.path().join(name), text).unwrap());
+        for (name, text) in beside {
+            std::fs::write(folder.path().join(name), text).unwrap();
+        }
         let path = folder.path().join(name);
         std::fs::write(&path, text).unwrap();
         let files = named_files(&path, &Limits::DEFAULT);

@@ -313,11 +313,9 @@ impl SplatReader<'_> {
             splats.filter = own.filter;
         }
         let origin = origin_of(sampled(total).map(|i| positions[i]).collect());
-        splats
-            .positions
-            .iter_mut()
-            .zip(&positions)
-            .for_each(|(to, p)| *to = (*p - origin).as_vec3());
+        for (to, position) in splats.positions.iter_mut().zip(&positions) {
+            *to = (*position - origin).as_vec3();
+        }
         Ok((splats, origin))
     }
 }

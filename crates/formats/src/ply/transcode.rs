@@ -211,11 +211,13 @@ impl Input<'_> {
         for byte in self.reader.by_ref().bytes() {
             let byte = byte?;
             self.at += 1;
-            match (byte.is_ascii_whitespace(), self.word.len()) {
-                (true, 0) => {}
-                (true, _) => return Ok(()),
-                (false, 64) => return Err(fault("a number of more than 64 characters")),
-                (false, _) => self.word.push(byte),
+            if !byte.is_ascii_whitespace() {
+                if self.word.len() == 64 {
+                    return Err(fault("a number of more than 64 characters"));
+                }
+                self.word.push(byte);
+            } else if !self.word.is_empty() {
+                return Ok(());
             }
         }
         if self.word.is_empty() { Err(ErrorKind::UnexpectedEof.into()) } else { Ok(()) }
