@@ -61,8 +61,9 @@ pub struct CropDetails {
 
 trisplat_scene::stage!(CropDetails, "crop");
 
-/// Drops the triangles of `scene` outside the region; returns the volume of the subject, if only that
-/// is kept. `cameras` look at the scene, in its frame; `up` is that of its file, if it names one.
+/// Drops the triangles of `scene` outside the region; returns the volume of the subject, if only
+/// that is kept. `cameras` look at the scene, in its frame; `up` is that of its file, if it names
+/// one.
 ///
 /// # Errors
 ///

@@ -62,8 +62,8 @@ impl<'a> Decimation<'a> {
     }
 
     /// `faces`, all of them visible and in any order, ordered so that the first n of them are the n
-    /// best to keep, for every n from `min_faces` on. `visible_px` is the visible area of every face
-    /// of the mesh. `[F]`
+    /// best to keep, for every n from `min_faces` on. `visible_px` is the visible area of every
+    /// face of the mesh. `[F]`
     pub fn rank_by_importance(
         &mut self,
         visible_px: &[f32],

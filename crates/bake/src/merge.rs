@@ -5,7 +5,7 @@
 //! soup solid before it joins a mesh. With textures among the inputs, colours become textures too.
 
 use crate::texture::texture_all;
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use trisplat_formats::is_far;
 use trisplat_raster::kernel::sh::ShRotation;
 use trisplat_scene::mesh::Mesh;
@@ -203,11 +203,16 @@ pub(super) fn rebase(loaded: &mut ImportedScene, frame: &Placement) {
         return;
     }
     let transform = motion.transform();
-    let place = |point: &mut Vec3| *point = transform(*point);
     match &mut loaded.scene {
-        Scene::Soup(soup) => soup.vertices.iter_mut().flatten().for_each(place),
+        Scene::Soup(soup) => {
+            for corner in soup.vertices.iter_mut().flatten() {
+                *corner = transform(*corner);
+            }
+        }
         Scene::Mesh(mesh) => {
-            mesh.positions.iter_mut().for_each(place);
+            for position in &mut mesh.positions {
+                *position = transform(*position);
+            }
             let rotation = motion.rotation();
             for normal in &mut mesh.normals {
                 *normal = (rotation * normal.as_dvec3()).as_vec3();

@@ -55,8 +55,8 @@ impl<'a> Recipe<'a> {
         Self { options, budget, report, observer }
     }
 
-    /// Bakes inputs, merged. `photos` are left in the frame of the scene. `background` is given where
-    /// an earlier stage found the colour behind the scene; else the bake finds it.
+    /// Bakes inputs, merged. `photos` are left in the frame of the scene. `background` is given
+    /// where an earlier stage found the colour behind the scene; else the bake finds it.
     pub(super) fn run(
         mut self,
         inputs: Vec<ImportedScene>,
@@ -147,8 +147,8 @@ impl<'a> Recipe<'a> {
         }
     }
 
-    /// Adds the collider and the surroundings to the packaged scene, placed like it, and cuts it into
-    /// tiles, which hold final triangles.
+    /// Adds the collider and the surroundings to the packaged scene, placed like it, and cuts it
+    /// into tiles, which hold final triangles.
     fn finish(
         &mut self,
         asset: Asset,

@@ -1,8 +1,8 @@
 //! The sides of triangles: those that photos show from one side are drawn from that side only.
 //!
 //! Training never compared the other side with a photo. Drawn from there, such triangles are shards
-//! in front of what photos do show, and walls that hide a room from outside. Triangles that no photo
-//! shows keep both sides, because nothing says which is seen.
+//! in front of what photos do show, and walls that hide a room from outside. Triangles that no
+//! photo shows keep both sides, because nothing says which is seen.
 
 use crate::views;
 use schemars::JsonSchema;

@@ -126,7 +126,9 @@ pub fn unseen(
 ) -> Result<Outcome<()>> {
     ranges::check(options, OptionNaming::Flag)?;
     ranges::check_finite("max_error", options.max_error)?;
-    if let (None, Some(db)) = (&views, options.max_error) {
+    if let Some(db) = options.max_error
+        && views.is_none()
+    {
         return Err(Error::invalid("max_error", db, "`dataset`: error is measured on photos"));
     }
     let max_faces = limit

@@ -19,8 +19,8 @@ const PASSES: usize = 12;
 /// Minimum variance of the photos' rows along the second of their three main directions: with less,
 /// all rows are parallel, and up is any direction across them.
 const MIN_SPREAD: f64 = 1e-3;
-/// Maximum ratio of their standard deviations, least to second (tangent of 15°); above it up is open
-/// too.
+/// Maximum ratio of their standard deviations, least to second (tangent of 15°); above it up is
+/// open too.
 const MAX_TILT_PER_SPREAD: f64 = 0.27;
 /// Above this median tilt, degrees, cameras were held at random.
 const RANDOM_TILT: f64 = 20.0;
@@ -39,8 +39,8 @@ const MIN_SHARE_OF_POINTS: f64 = 0.05;
 /// Minimum share of the triangles' area there that lies on a clear surface: triangles scatter about
 /// their surfaces, so every slice contains some.
 const MIN_SHARE_OF_AREA: f64 = 0.15;
-/// Minimum standard deviation of a clear surface along its narrow side, as a share of the distance of
-/// the cameras.
+/// Minimum standard deviation of a clear surface along its narrow side, as a share of the distance
+/// of the cameras.
 const MIN_WIDTH: f64 = 0.05;
 /// Number of samples that compare surfaces.
 const MAX_COMPARED_SAMPLES: usize = 4000;

@@ -59,8 +59,8 @@ impl Recipe<'_> {
         })
     }
 
-    /// Moves the corners of the remaining triangles by the pictures: before the backdrop, and before
-    /// colours are fitted exactly.
+    /// Moves the corners of the remaining triangles by the pictures: before the backdrop, and
+    /// before colours are fitted exactly.
     fn reshape(
         &mut self,
         mesh: Mesh,

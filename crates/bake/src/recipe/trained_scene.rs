@@ -18,8 +18,8 @@ use trisplat_scene::{ImportedScene, Limits, Result, Scene};
 use trisplat_surface::{SurfaceDetails, collision, surface};
 
 impl Recipe<'_> {
-    /// Finds the colour behind the scene: on all of it, as it was trained, because the borders of its
-    /// pictures show the background. `known`: found by hardening before it trained.
+    /// Finds the colour behind the scene: on all of it, as it was trained, because the borders of
+    /// its pictures show the background. `known`: found by hardening before it trained.
     pub(super) fn background(
         &mut self,
         loaded: ImportedScene,

@@ -113,8 +113,8 @@ fn distances(
 
 // ---- Shared by backdrops and skies ---------------------------------------------------
 
-/// Minimum share of the drawn pictures that show the scene, and of the photos' pixels outside masks,
-/// below which the scene is an object without background.
+/// Minimum share of the drawn pictures that show the scene, and of the photos' pixels outside
+/// masks, below which the scene is an object without background.
 pub(super) const MIN_COVERED: f64 = 0.8;
 /// Radius of the sphere as a multiple of the distance of the farthest vertex or camera.
 pub(super) const RADIUS_FACTOR: f32 = 1.2;

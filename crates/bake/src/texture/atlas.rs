@@ -140,8 +140,8 @@ impl TexturePatch {
     }
 }
 
-/// Rounds up to a multiple of an eighth of the next power of two: the fewer sizes there are, the more
-/// rectangles share a shelf, where they are sorted by colour.
+/// Rounds up to a multiple of an eighth of the next power of two: the fewer sizes there are, the
+/// more rectangles share a shelf, where they are sorted by colour.
 fn round_up_size(texels: u32) -> u32 {
     let step = (texels.next_power_of_two() / 8).max(1);
     texels.next_multiple_of(step)

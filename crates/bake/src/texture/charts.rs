@@ -161,7 +161,8 @@ fn split(
 ) -> Vec<[Vec2; 3]> {
     let place = |vertex: &uvunwrap::OutputVertex| Vec2::from(vertex.uv) * size - 0.5;
     // Old vertices of the new ones, and where these are.
-    let (mut from, mut at): (Vec<u32>, Vec<Vec2>) = (Vec::new(), Vec::new());
+    let mut from: Vec<u32> = Vec::new();
+    let mut at: Vec<Vec2> = Vec::new();
     let mut indices = vec![0u32; mesh.indices.len()];
     for (chart, packed) in charts.iter().zip(packed) {
         let first = at.len() as u32;
