@@ -79,7 +79,9 @@ fn say(report: &Report, progress: &Progress) {
     }
     let hardened = report.details::<TrainDetails>();
     let softness = report.details::<TeacherDetails>().and_then(|details| details.softness);
-    if let (Some(softness), None) = (softness, hardened) {
+    if let Some(softness) = softness
+        && hardened.is_none()
+    {
         progress.line(&soft_note(&softness, report.details().as_ref()));
     }
     progress.wrote(report);

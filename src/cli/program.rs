@@ -237,7 +237,9 @@ pub(super) fn report_once() {
         if is_guarded() {
             return;
         }
-        whole.iter().for_each(|print| print(info));
+        if let Some(print) = &whole {
+            print(info);
+        }
         let place = info
             .location()
             .map_or_else(String::new, |at| format!(" ({}:{})", at.file(), at.line()));

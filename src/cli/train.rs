@@ -128,7 +128,9 @@ fn finish(
         watcher.ended(&written, trained.clone().into());
     }
     summary(args, (&teacher, teacher_share), &trained, &bar);
-    if let (true, Some(checkpoint)) = (trained.stopped, &trained.checkpoint) {
+    if trained.stopped
+        && let Some(checkpoint) = &trained.checkpoint
+    {
         let command = train_args::command(matches, args, checkpoint);
         bar.line(&format!("stopped early; to continue: {command}"));
     }

@@ -223,17 +223,17 @@ pub(super) fn command(matches: &ArgMatches, args: &TrainArgs, checkpoint: &Path)
     words.extend(args.dataset.iter().map(|path| quoted(&path.to_string_lossy())));
     for arg in TrainArgs::augment_args(Command::new("train")).get_arguments() {
         let id = arg.get_id().as_str();
-        let kept = !ONCE.contains(&id) && !fixed.iter().any(|name| name == id);
-        let (true, Some(long)) = (kept && super::flags::is_typed(matches, id), arg.get_long())
-        else {
+        let is_repeated = !ONCE.contains(&id) && !fixed.iter().any(|name| name == id);
+        let Some(long) = arg.get_long() else { continue };
+        if !is_repeated || !super::flags::is_typed(matches, id) {
             continue;
-        };
+        }
         let values =
             matches.get_raw(id).into_iter().flatten().map(|v| quoted(&v.to_string_lossy()));
         if arg.get_action().takes_values() {
-            values.for_each(|value| words.push(format!("--{long} {value}")))
+            words.extend(values.map(|value| format!("--{long} {value}")));
         } else {
-            words.push(format!("--{long}"))
+            words.push(format!("--{long}"));
         }
     }
     words.push(format!("--force --resume {}", quoted(&checkpoint.to_string_lossy())));

@@ -23,7 +23,8 @@ pub struct TrainProgress {
     pub lost: Vec<String>,
     /// From here on a request to stop is for the training.
     stop: Option<Listener>,
-    /// PSNR on photos left out of the training, and the size to which they were shrunk, if they were.
+    /// PSNR on photos left out of the training, and the size to which they were shrunk, if they
+    /// were.
     held_out: Option<(f64, Option<ShrunkSize>)>,
     /// Steps of the whole run.
     steps: u64,

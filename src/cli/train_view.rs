@@ -243,7 +243,9 @@ impl Follower {
         let mut scene =
             view::window_scene((*scene, None), &self.photos, &self.how, &self.file, &self.folder)?;
         scene.status = Some(status);
-        if let (Some(SoupSource { rest, .. }), None) = (&mut scene.source, &self.ended) {
+        if let Some(SoupSource { rest, .. }) = &mut scene.source
+            && self.ended.is_none()
+        {
             *rest = REST;
         }
         Ok(SceneChange::Changed(Box::new(scene)))

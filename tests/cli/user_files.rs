@@ -157,7 +157,8 @@ fn photos_of_one_stem_are_all_taken() {
     let webp = |from: &str, to: &str| {
         let picture = trisplat_scene::image::RgbImage::load(&fake.at(from)).unwrap();
         let mut bytes = Vec::new();
-        let (rgb, size): (Vec<u8>, _) = (picture.rgb.concat(), picture.size);
+        let rgb: Vec<u8> = picture.rgb.concat();
+        let size = picture.size;
         image::codecs::webp::WebPEncoder::new_lossless(&mut bytes)
             .encode(&rgb, size.x, size.y, image::ExtendedColorType::Rgb8)
             .unwrap();

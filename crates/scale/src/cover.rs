@@ -423,11 +423,9 @@ mod tests {
             soft.accumulate_importance(&mut whole);
             assert_eq!(soft.frame().rgb, brush.soft.frame().rgb);
             let mut weights = vec![0.0; soup.len()];
-            brush
-                .numbers
-                .iter()
-                .zip(&brush.importance.max_weight)
-                .for_each(|(i, w)| weights[*i as usize] = *w);
+            for (number, weight) in brush.numbers.iter().zip(&brush.importance.max_weight) {
+                weights[*number as usize] = *weight;
+            }
             for (number, weight) in coverage.cells.numbers.iter().zip(&whole.max_weight) {
                 assert_eq!(weights[*number as usize], *weight);
             }

@@ -324,7 +324,9 @@ impl City<'_> {
 
     /// The root, with the shell as a tile of its own that is always drawn.
     fn with_shell(&mut self, shell: Soup, root: Option<TilesetTile>) -> Result<TilesetTile> {
-        if let (true, Some(root)) = (shell.is_empty(), &root) {
+        if shell.is_empty()
+            && let Some(root) = &root
+        {
             return Ok(root.clone());
         }
         let options = plain(&BakeOptions {

@@ -179,9 +179,11 @@ pub fn unnamed(trained: Trained) -> Trained {
 /// checkpoint does, or "waiting".
 pub fn status(folder: &Path, block: &Block, index: usize) -> &'static str {
     let is_there = |ending: &str| folder.join(block.file(index, ending)).is_file();
-    match (is_there("ply"), is_there("checkpoint")) {
-        (true, _) => "done",
-        (false, true) => "begun",
-        (false, false) => "waiting",
+    if is_there("ply") {
+        "done"
+    } else if is_there("checkpoint") {
+        "begun"
+    } else {
+        "waiting"
     }
 }

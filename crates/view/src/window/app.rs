@@ -73,7 +73,9 @@ struct Mouse {
 impl ApplicationHandler<SceneMessage> for App {
     /// A wait that timed out must draw again, to remove a note.
     fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
-        if let (StartCause::ResumeTimeReached { .. }, Some((screen, _))) = (cause, &self.window) {
+        if let StartCause::ResumeTimeReached { .. } = cause
+            && let Some((screen, _)) = &self.window
+        {
             screen.window.request_redraw();
         }
     }
@@ -391,7 +393,9 @@ impl App {
         let size = screen.window.inner_size();
         let params = session.frame_params(UVec2::new(size.width, size.height), &self.options);
         let folder = self.options.screenshots.clone();
-        if let (true, Some((_, _, soft))) = (session.settings.soft, &session.soft) {
+        if session.settings.soft
+            && let Some((_, _, soft)) = &session.soft
+        {
             let picture = soft.clone();
             sender.spawn(move || Message::Saved(scene::save(&folder, &picture)));
             return;

@@ -111,7 +111,8 @@ impl CameraControls {
         self.rotation = camera.rotation;
         self.position = camera.position();
         let scale = (to.scale / from.scale) as f32;
-        (self.pivot_distance, self.extent) = (scale * self.pivot_distance, scale * self.extent);
+        self.pivot_distance *= scale;
+        self.extent *= scale;
     }
 
     /// Sets the distance to the pivot, for example to a clicked point.
@@ -330,7 +331,9 @@ mod tests {
             controls.set_pivot_distance(viewpoint.distance());
             controls.stay_within(viewpoint);
             let ends = [Vec2::new(-0.05, 0.05), Vec2::new(0.05, -0.05)].map(|drag| {
-                (0..60).for_each(|_| controls.orbit(drag));
+                for _ in 0..60 {
+                    controls.orbit(drag);
+                }
                 let away = (controls.position - controls.pivot()).normalize();
                 [f32::atan2(away.x, away.z), away.y.asin()].map(|angle| angle.to_degrees().round())
             });
@@ -369,7 +372,9 @@ mod tests {
             controls.orbit(Vec2::new(0.001, 0.0));
             let shown = controls.camera(SIZE, PANE).rotation;
             assert!(shown.abs_diff_eq(photo.rotation, 0.06), "nothing jumps, {degrees}: {shown}");
-            (0..40).for_each(|_| controls.orbit(Vec2::new(0.01, 0.002)));
+            for _ in 0..40 {
+                controls.orbit(Vec2::new(0.01, 0.002));
+            }
             let shown = controls.camera(SIZE, PANE).rotation;
             assert!(
                 (shown * Vec3::Y).x.abs() < 0.01 && (shown * Vec3::Y).y < 0.0,

@@ -159,7 +159,9 @@ impl Session {
         self.decoding = None;
         self.drawing_soft = false;
         self.status = shown.scene.status.take();
-        shown.viewpoint.iter().for_each(|(viewpoint, _)| self.controls.stay_within(viewpoint));
+        if let Some((viewpoint, _)) = &shown.viewpoint {
+            self.controls.stay_within(viewpoint);
+        }
         self.shown = Some(shown);
     }
 

@@ -72,7 +72,8 @@ fn asset(mesh: Mesh, chunks: u32) -> Asset {
 #[test]
 fn textures_are_drawn_as_render_draws_them() {
     let Some(mut card) = card() else { return };
-    let (mut wall, whole) = (wall(), asset(wall(), 4));
+    let whole = asset(wall(), 4);
+    let mut wall = wall();
     let model = card.upload(&whole).unwrap();
     // The card has one picture of all pages.
     wall.texture = wall.texture.map(|texture| texture.joined());
@@ -110,7 +111,8 @@ fn textures_are_drawn_as_render_draws_them() {
 #[test]
 fn corners_at_one_vertex_have_their_own_places_on_the_picture() {
     let Some(mut card) = card() else { return };
-    let (wall, whole) = (wall(), asset(wall(), 4));
+    let whole = asset(wall(), 4);
+    let wall = wall();
     let model = card.upload(&whole).unwrap();
     let mut indexed = wall.clone();
     indexed.indices = (0..indexed.positions.len() as u32).collect();
