@@ -603,9 +603,9 @@ mod tests {
         }
         let done = densify(&mut s, &mut w, &plan(&options));
         assert_eq!((done.unimportant, done.unseen, s.params.len()), (0, 0, 65));
-        (500..5000).for_each(|photo| {
+        for photo in 500..5000 {
             w.record_photo(photo);
-        });
+        }
         // The 15 clones and their 15 originals are younger than the statistics; the other 35 were
         // visible in no photo.
         let done = densify(&mut s, &mut w, &DensifyPlan { grow: false, ..plan(&options) });

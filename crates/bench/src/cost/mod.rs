@@ -102,7 +102,9 @@ pub(crate) fn run(args: &CostArgs) -> Result<()> {
             .ok_or_else(|| Error::invalid("budget", args.budget, "time for one training"))?,
         cells,
     };
-    summary(&report).iter().for_each(|line| eprintln!("{line}"));
+    for line in summary(&report) {
+        eprintln!("{line}");
+    }
     if args.json { print_json(&report) } else { Ok(()) }
 }
 

@@ -157,13 +157,16 @@ impl Tally {
 
     fn merge(&mut self, other: Self) {
         for (a, b) in self.promises.iter_mut().zip(other.promises) {
-            (a.of, a.failures) = (a.of + b.of, a.failures + b.failures);
+            a.of += b.of;
+            a.failures += b.failures;
             if b.found > a.found {
                 a.found = b.found;
                 a.worst = b.worst;
             }
         }
-        self.singles.iter_mut().zip(other.singles).for_each(|(a, b)| a.extend(b));
+        for (a, b) in self.singles.iter_mut().zip(other.singles) {
+            a.extend(b);
+        }
     }
 
     fn rows(&self) -> Vec<AxisPart> {
@@ -285,7 +288,9 @@ fn verdict(report: &StressReport) -> Result<()> {
 fn replay(case: &StressCase) -> Result<()> {
     let errors = alone(|| figures(case))?;
     let worst = |row: &PromiseRow| errors.worst(row.promise);
-    PROMISES.iter().for_each(|row| eprintln!("{:<18}{:.3e}", row.name, worst(row)));
+    for row in &PROMISES {
+        eprintln!("{:<18}{:.3e}", row.name, worst(row));
+    }
     let promised = case.is_promised();
     let fails = |row: &&PromiseRow| case.is_on(row.on, promised) && !(worst(row) <= row.at_most);
     PROMISES.iter().find(fails).map_or(Ok(()), |row| {

@@ -227,10 +227,9 @@ fn changed_scene(scene: &StressScene, case: &StressCase, change: Change) -> Stre
     let rotation = scene.camera.rotation.as_dmat3();
     let translation = scene.camera.translation.as_dvec3();
     let mut place = |world: &dyn Fn(DVec3) -> DVec3| {
-        out.soup
-            .vertices
-            .iter_mut()
-            .for_each(|t| *t = t.map(|v: Vec3| world(v.as_dvec3()).as_vec3()));
+        for triangle in &mut out.soup.vertices {
+            *triangle = triangle.map(|v: Vec3| world(v.as_dvec3()).as_vec3());
+        }
     };
     match change {
         Change::Rotation => {

@@ -152,12 +152,16 @@ const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 fn solve(system: &mut [Vec<f64>]) {
     for pivot in 0..system.len() {
         let per = 1.0 / system[pivot][pivot];
-        system[pivot].iter_mut().for_each(|value| *value *= per);
+        for value in &mut system[pivot] {
+            *value *= per;
+        }
         let own = system[pivot].clone();
         for (i, row) in system.iter_mut().enumerate() {
             if i != pivot {
                 let factor = row[pivot];
-                row.iter_mut().zip(&own).for_each(|(value, own)| *value -= factor * own);
+                for (value, own) in row.iter_mut().zip(&own) {
+                    *value -= factor * own;
+                }
             }
         }
     }

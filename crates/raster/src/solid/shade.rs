@@ -119,9 +119,8 @@ impl ShadeTile<'_, '_> {
                         )),
                     );
                 }
-                let (Some(weights), uvs) = (&last_face.1, &texture.uvs[face as usize]) else {
-                    continue;
-                };
+                let Some(weights) = &last_face.1 else { continue };
+                let uvs = &texture.uvs[face as usize];
                 let page = texture.texture(face as usize);
                 let size = page.size().as_vec2();
                 let at = |x: u32, y: u32| weights.mixed(self.projector.ray(x, y), uvs);

@@ -204,9 +204,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut list = FileManifest::read(folder.path(), LIST).unwrap();
         list.begin(&["one", "two"]).unwrap();
-        ["one", "two"]
-            .iter()
-            .for_each(|name| std::fs::write(folder.path().join(name), name).unwrap());
+        for name in ["one", "two"] {
+            std::fs::write(folder.path().join(name), name).unwrap();
+        }
         list.finish().unwrap();
         let list = FileManifest::read(folder.path(), LIST).unwrap();
         (folder, list)
