@@ -11,6 +11,9 @@
 //! drawing by s + (1 - s)·b, and photos still contradict the scene that they train by (1 - s)·b.
 //! The sum of both squares is least at s = 1 - (1 - b) / ((1 - b)² + b²): nothing is corrected up
 //! to b = 1/2, and all of it at b = 1.
+//!
+//! A dozen photos tell b roughly, so b less its standard error counts, by the jackknife: the slopes
+//! without each photo in turn.
 
 use super::correction::{Strengths, modes};
 use super::light::Light;
@@ -64,20 +67,18 @@ impl ExposureEvidence {
             let shown = photos
                 .iter()
                 .map(|photo| middle(photo.cells.iter().map(|cell| modes(&cell.log)[mode])));
-            let beside =
-                predicted.clone().zip(photos.iter().map(|photo| modes(&photo.beside_others)[mode]));
             let fit = if mode == 0 { &mut gain } else { &mut balance };
-            fit.beside_others.extend(beside.map(|(predicted, beside)| [predicted, beside]));
-            let pairs = centered(predicted.zip(shown).collect());
-            pairs.into_iter().enumerate().for_each(|(photo, pair)| fit.add(photo, pair));
+            let beside = photos.iter().map(|photo| modes(&photo.beside_others)[mode]);
+            fit.beside_others
+                .extend(predicted.clone().zip(beside).map(<[f32; 2]>::from).enumerate());
+            fit.pairs.extend(centered(predicted.zip(shown).collect()).into_iter().enumerate());
         }
         for (number, photo) in photos.iter().enumerate() {
             let of_cell = |cell: &Light| (-photo.falloff * cell.r2, modes(&cell.log)[0]);
             let pairs = centered(photo.cells.iter().map(of_cell).collect());
-            pairs.into_iter().for_each(|pair| falloff.add(number, pair));
-            falloff
-                .beside_others
-                .push([photo.falloff, photo.falloff * photo.falloff_beside_others]);
+            falloff.pairs.extend(pairs.into_iter().map(|pair| (number, pair)));
+            let beside = photo.falloff * photo.falloff_beside_others;
+            falloff.beside_others.push((number, [photo.falloff, beside]));
         }
         let [gain, balance, falloff] = [gain, balance, falloff].map(Fit::judge);
         let of = |which: usize| Strengths {
@@ -89,11 +90,11 @@ impl ExposureEvidence {
     }
 }
 
-/// Pairs of what is predicted and what is shown.
+/// Pairs of what is predicted and what is shown, with the number of their photo.
 struct Fit {
     pairs: Vec<(usize, [f32; 2])>,
     /// Predictions, and the same beside other photos.
-    beside_others: Vec<[f32; 2]>,
+    beside_others: Vec<(usize, [f32; 2])>,
     photos: usize,
 }
 
@@ -102,27 +103,42 @@ impl Fit {
         Self { pairs: Vec::new(), beside_others: Vec::new(), photos }
     }
 
-    fn add(&mut self, photo: usize, pair: [f32; 2]) {
-        self.pairs.push((photo, pair));
-    }
-
     /// The slope, and the corrected share: 0 unless it brings most photos closer to their drawings.
     fn judge(self) -> [f32; 2] {
         let sum: f32 = self.pairs.iter().map(|(_, [predicted, _])| predicted.abs()).sum();
-        if sum < MIN_PREDICTION * self.pairs.len() as f32 {
+        if self.photos < MIN_PHOTOS || sum < MIN_PREDICTION * self.pairs.len() as f32 {
             return [0.0; 2];
         }
-        let mut slope = least_slope(self.pairs.iter().map(|(_, pair)| *pair));
-        slope = slope.min(least_slope(self.beside_others.iter().copied()));
-        let share = share(slope);
+        let slope = self.slope(None);
+        let share = share(slope - self.standard_error());
         let mut change = vec![0.0f32; self.photos];
         for (photo, [predicted, shown]) in &self.pairs {
             change[*photo] += (shown - share * predicted).abs() - shown.abs();
         }
-        let closer = change.iter().filter(|change| **change < 0.0).count();
-        let is_confirmed = self.photos >= MIN_PHOTOS && 2 * closer > self.photos;
+        let closer = change.iter().filter(|change| **change < 0.0).count() as f32;
+        // Of photos that are as often closer as not, half are, with this standard error.
+        let photos = self.photos as f32;
+        let is_confirmed = closer > (photos + photos.sqrt()) / 2.0;
         [slope, if is_confirmed { share } else { 0.0 }]
             .map(|number| (100.0 * number).round() / 100.0)
+    }
+
+    /// The smaller of both slopes, without the photo `left_out`.
+    fn slope(&self, left_out: Option<usize>) -> f32 {
+        let of = |pairs: &[(usize, [f32; 2])]| {
+            let kept = pairs.iter().filter(|(photo, _)| Some(*photo) != left_out);
+            least_slope(kept.map(|(_, pair)| *pair))
+        };
+        of(&self.pairs).min(of(&self.beside_others))
+    }
+
+    /// Jackknife estimate of the standard error of the slope.
+    fn standard_error(&self) -> f32 {
+        let photos = self.photos as f32;
+        let slopes: Vec<f32> = (0..self.photos).map(|photo| self.slope(Some(photo))).collect();
+        let mean = slopes.iter().sum::<f32>() / photos;
+        let squares: f32 = slopes.iter().map(|slope| (slope - mean).powi(2)).sum();
+        (squares * (photos - 1.0) / photos).sqrt()
     }
 }
 
