@@ -86,7 +86,7 @@ fn run(job: Job) -> Result<()> {
                     return Err(Error::unsupported(input, "is a mesh: its triangles are solid"));
                 }
             };
-            let (_, placement) = shown(loaded, &quick(options)?)?;
+            let (_, placement) = bake_placed(loaded, &quick(options)?)?;
             renderer.color(&frames::to_world(&camera, &placement, DVec3::ZERO)).save_png(&output)
         }
         Job::Bake { inputs, output, options, harden, max_bytes } => {
@@ -115,7 +115,7 @@ fn quick(options: Map<String, Value>) -> Result<BakeOptions> {
 }
 
 /// A scene as an engine draws it, and its placement in the frame of the scene's file.
-fn shown(loaded: ImportedScene, options: &BakeOptions) -> Result<(Asset, Placement)> {
+fn bake_placed(loaded: ImportedScene, options: &BakeOptions) -> Result<(Asset, Placement)> {
     let in_world = loaded.provenance.placement;
     let asset = bake(loaded, options)?;
     let placement = in_world.inverse().then(&asset.provenance.placement);
@@ -128,7 +128,7 @@ fn look(input: &Path, output: &Path, options: &BakeOptions) -> Result<()> {
     say("info", info);
     let (loaded, _) = content.stand_in();
     say("soft", matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup)));
-    let (asset, placement) = shown(loaded, options)?;
+    let (asset, placement) = bake_placed(loaded, options)?;
     say("to_view", matrix(&placement));
     let glb = gltf::to_glb_bytes(&asset, &gltf::GltfOptions::default())?;
     AtomicFile::create(output)?.commit_with(glb).map(drop)

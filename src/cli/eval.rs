@@ -175,7 +175,7 @@ fn remark(step: &RepresentationScore, report: &EvalReport) -> String {
     if !["soft", "splats"].contains(&step.name.as_str()) {
         remark += &format!(", {samples}×{samples} samples per pixel");
     }
-    remark += &ShrunkSize::beside(report.photo_size);
+    remark += &ShrunkSize::suffix(report.photo_size);
     if let Some(change) = &step.change {
         remark += &format!("; {:+.3} dB by this step", change.psnr);
     }

@@ -217,7 +217,7 @@ fn verdict(details: &TrainDetails, done: &MakeDone, args: &MakeArgs) -> Vec<Stri
     };
     // A few photos of what no other shows say little about the scene.
     let half = median(photos.iter().map(|photo| photo.1).collect(), f64::total_cmp).unwrap_or(psnr);
-    let size = ShrunkSize::beside(details.photo_size);
+    let size = ShrunkSize::suffix(details.photo_size);
     let count = counted(done.trained_on as u64, "photo");
     let mut lines = vec![format!(
         "{psnr:.1} dB / {ssim:.3} on photos that training did not see{size}: {} for {count}",

@@ -52,7 +52,7 @@ pub fn run(
     let mut from = args.from.as_deref().map(read).transpose()?;
     let dataset = dataset(args, &how, from.as_mut(), &options.options, global)?;
     files.forbid_overwriting_photos(&dataset)?;
-    let teacher_file = train_args::beside(&args.output);
+    let teacher_file = train_args::teacher_path(&args.output);
     let mut job = TrainJob::with_layers(dataset, options);
     job.dataset_options = how;
     job.from = from;
@@ -125,7 +125,7 @@ fn finish(
     let written = written_line(args, &trained);
     bar.line(&written);
     if let Some(watcher) = &mut watcher {
-        watcher.ended(&written, trained.clone().into());
+        watcher.end(&written, trained.clone().into());
     }
     summary(args, (&teacher, teacher_share), &trained, &bar);
     if trained.stopped
@@ -134,7 +134,7 @@ fn finish(
         let command = train_args::command(matches, args, checkpoint);
         bar.line(&format!("stopped early; to continue: {command}"));
     }
-    ended(args, &trained, &lost)
+    exit_code(args, &trained, &lost)
 }
 
 /// The options of a new run, or those of the checkpoint that it resumes.
@@ -156,13 +156,13 @@ fn layered_options(
 /// Another viewer of a run.
 pub trait Watcher {
     /// The data set of the run.
-    fn begun(&mut self, dataset: &Dataset);
+    fn begin(&mut self, dataset: &Dataset);
     /// True to get the present scene.
     fn wants_scene(&mut self) -> bool;
     /// The scene after the step of `sample`.
     fn scene(&mut self, sample: &TrainSample, scene: Box<ImportedScene>);
     /// The run has ended, with its result and the written scene.
-    fn ended(&mut self, what: &str, scene: ImportedScene);
+    fn end(&mut self, what: &str, scene: ImportedScene);
 }
 
 /// Shows the training, and writes its teacher.
@@ -219,7 +219,7 @@ impl TrainTerminal<'_, '_> {
             TrainPart::Scene => self.terminal.begin(begins, self.args.log.as_deref())?,
         }
         if let (Some(watcher), Some(photos)) = (&mut self.watcher, begins.photos) {
-            watcher.begun(photos);
+            watcher.begin(photos);
         }
         for warning in self.warnings.iter().chain(begins.warnings) {
             self.terminal.line(&format!(
@@ -257,7 +257,7 @@ impl TrainTerminal<'_, '_> {
 
 /// The end of the program: success, stopped, or an error that names missing outputs beside the
 /// scene.
-fn ended(args: &TrainArgs, trained: &Trained, lost: &[String]) -> Result<ExitCode> {
+fn exit_code(args: &TrainArgs, trained: &Trained, lost: &[String]) -> Result<ExitCode> {
     if lost.is_empty() {
         Ok(signals::exit_code()
             .filter(|_| trained.stopped)
@@ -354,7 +354,7 @@ fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &TrainOutputs) -> Re
     let out = &args.output;
     train_args::check_ply(out)?;
     // A default one is claimed when the photos are counted.
-    let teacher_file = train_args::beside(out);
+    let teacher_file = train_args::teacher_path(out);
     let plan = |source| TeacherPlan::requested(source, args.resume.is_some(), Some(&teacher_file));
     let teacher = args.teacher.teacher.as_ref().map(plan);
     let read = teacher.as_ref().and_then(TeacherPlan::input);
@@ -376,7 +376,7 @@ fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &TrainOutputs) -> Re
     files.release(goes_on);
     if let Some(path) = &outputs.checkpoint {
         if let (false, true, Some((_, old))) =
-            (goes_on, args.keep > 1, checkpoint::kept(path).first())
+            (goes_on, args.keep > 1, checkpoint::numbered_files(path).first())
         {
             let wants = "a name without checkpoints of an earlier run, or --force to replace them";
             return Err(Error::invalid("--checkpoint", old.display(), wants));
@@ -445,7 +445,7 @@ fn written_line(args: &TrainArgs, trained: &Trained) -> String {
                 Some(n) => format!("solid, {n}×{n} samples per pixel"),
                 None => "soft".to_owned(),
             };
-            let size = ShrunkSize::beside(trained.photo_size);
+            let size = ShrunkSize::suffix(trained.photo_size);
             let corrected = trained.psnr_corrected();
             let corrected =
                 corrected.map_or(String::new(), |p| format!(", {p:.2} dB with corrected colours"));
@@ -478,7 +478,7 @@ fn summary(
             TeacherPlan::Without(_) => String::new(),
             TeacherPlan::Read(path) => format!(" --teacher {}", path.display()),
             TeacherPlan::Train => {
-                format!(" --teacher {}", train_args::beside(&args.output).display())
+                format!(" --teacher {}", train_args::teacher_path(&args.output).display())
             }
         };
         let share = share.map_or(String::new(), |share| format!(" --teacher-share {share}"));

@@ -200,7 +200,7 @@ pub(super) fn check_ply(output: &Path) -> trisplat_scene::Result<()> {
 }
 
 /// The path of a teacher that is trained for `output`.
-pub(super) fn beside(output: &Path) -> PathBuf {
+pub(super) fn teacher_path(output: &Path) -> PathBuf {
     output.with_extension(TEACHER_FILE)
 }
 

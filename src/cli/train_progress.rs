@@ -170,7 +170,7 @@ impl TrainProgress {
             self.line(&format!("{rate:.1} steps per second at first ({sizes})"));
         }
         let triangles = many(sample.triangles, "triangle");
-        let held_out = |(p, size)| format!(" ({p:.2} held out{})", ShrunkSize::beside(size));
+        let held_out = |(p, size)| format!(" ({p:.2} held out{})", ShrunkSize::suffix(size));
         let held_out = self.held_out.map_or(String::new(), held_out);
         let status = || format!("{:.2} dB{held_out}  {triangles}", sample.psnr);
         let now = percent(sample.step, self.steps);

@@ -151,13 +151,13 @@ impl Watcher for SceneWatcher {
         self.send(WatchMessage::Scene(scene, status, self.asked.elapsed()));
     }
 
-    fn begun(&mut self, dataset: &Dataset) {
+    fn begin(&mut self, dataset: &Dataset) {
         let views = dataset.views.clone();
         let origin = dataset.origin;
         self.send(WatchMessage::Photos(PosedPhotos { views, origin }));
     }
 
-    fn ended(&mut self, what: &str, scene: ImportedScene) {
+    fn end(&mut self, what: &str, scene: ImportedScene) {
         // A user who ended the program has closed the window too.
         if signals::exit_code().is_none() {
             self.send(WatchMessage::Ended(Box::new(scene), what.to_owned()));

@@ -193,7 +193,7 @@ pub fn refit(
         accumulator.add(mesh, views, &outliers, -1.0, first.part(1.0, 1.0))?;
         details.photos_out_of_line = Some(outliers.len() as u64);
     }
-    details.fitted = Some(accumulator.fit.fitted() as u64);
+    details.fitted = Some(accumulator.fit.visible_triangles() as u64);
     let used: Vec<usize> = (0..views.len()).filter(|v| !outliers.contains(v)).collect();
     for pass in 1..options.refit_passes {
         accumulator.fit.improve(which);

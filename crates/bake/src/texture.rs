@@ -168,7 +168,7 @@ fn paint(
 ) -> Result<Outcome<()>> {
     details.size = Some(layout.size().to_array());
     let mut texels = Texels::new(mesh, layout);
-    details.texels = Some(texels.shown());
+    details.texels = Some(texels.shown_texels());
     let (held_out, others) = views.held_out();
     // λ for this number of photos.
     let flatness =

@@ -227,7 +227,7 @@ impl Views {
     /// A photo. Its alpha is the weight of each pixel or, for a photo that is cut, the share
     /// covered by the object. Fails when its file cannot be decoded.
     pub fn photo(&mut self, view: usize) -> Result<Arc<RgbImage>> {
-        let photo = self.taken(view)?;
+        let photo = self.corrected_photo(view)?;
         Ok(if self.is_cut(view) && photo.alpha.is_some() {
             Arc::new(photo.unpremultiplied())
         } else {
@@ -235,8 +235,8 @@ impl Views {
         })
     }
 
-    /// A photo, corrected.
-    fn taken(&mut self, view: usize) -> Result<Arc<RgbImage>> {
+    /// A photo with its exposure corrected.
+    fn corrected_photo(&mut self, view: usize) -> Result<Arc<RgbImage>> {
         let photo = self.photos.take(view)?;
         Ok(self.exposures.correct(view, &photo).map_or(photo, Arc::new))
     }
@@ -291,11 +291,11 @@ impl Views {
         self.prefetch(chosen);
         let mut count = 0;
         for &view in chosen {
-            let mut photo = self.taken(view)?;
+            let mut photo = self.corrected_photo(view)?;
             if self.part && !self.is_cut(view) {
                 let one = SolidRasterOptions { samples: 1, ..options };
                 let Some(covered) =
-                    covered(&photo, solid.visibility(mesh, self.camera(view), &one))
+                    without_uncovered(&photo, solid.visibility(mesh, self.camera(view), &one))
                 else {
                     continue;
                 };
@@ -324,9 +324,9 @@ impl Views {
 }
 
 /// A photo without the pixels that show no face; `None` when none do.
-fn covered(photo: &RgbImage, seen: &Visibility) -> Option<RgbImage> {
+fn without_uncovered(photo: &RgbImage, visibility: &Visibility) -> Option<RgbImage> {
     let mut alpha = photo.alpha.clone().unwrap_or_else(|| vec![u8::MAX; photo.rgb.len()]);
-    for (alpha, face) in alpha.iter_mut().zip(&seen.face) {
+    for (alpha, face) in alpha.iter_mut().zip(&visibility.face) {
         if *face == NO_FACE {
             *alpha = 0;
         }

@@ -177,7 +177,8 @@ fn measure(
     model: &Model,
     size: UVec2,
 ) -> Result<FpsRow> {
-    let path: Vec<Camera> = flythrough.path.iter().map(|camera| fitted(camera, size)).collect();
+    let path: Vec<Camera> =
+        flythrough.path.iter().map(|camera| fit_to_size(camera, size)).collect();
     let first = path.first().ok_or_else(|| Error::invalid("FILE", "empty", "triangles to draw"))?;
     let (picture, _) = card.render(model, &params(first))?;
     let psnr = check(&picture, &flythrough.asset.mesh, first)?;
@@ -262,7 +263,7 @@ fn quantile(values: &mut [f64], share: f64) -> f64 {
 }
 
 /// The camera for a picture of another size: the same vertical field of view, wider or narrower.
-fn fitted(camera: &Camera, size: UVec2) -> Camera {
+fn fit_to_size(camera: &Camera, size: UVec2) -> Camera {
     let old = camera.size.as_vec2();
     let new = size.as_vec2();
     let scale = new.y / old.y;

@@ -206,7 +206,7 @@ impl ShrunkSize {
     }
 
     /// The text after a score: ", photos at 320x213", or nothing.
-    pub fn beside(size: Option<Self>) -> String {
+    pub fn suffix(size: Option<Self>) -> String {
         size.map_or(String::new(), |size| format!(", photos at {size}"))
     }
 }

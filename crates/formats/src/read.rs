@@ -290,7 +290,7 @@ pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<Writ
 /// names none: its reader reports the fault.
 pub fn named_files(path: &Path, limits: &Limits) -> Vec<PathBuf> {
     let mut files =
-        Vec::from_iter(splats::cameras::beside(path).filter(|_| holds_splats(path, limits)));
+        Vec::from_iter(splats::cameras::list_path(path).filter(|_| holds_splats(path, limits)));
     // These formats hold everything themselves; a compressed file would be unpacked to be
     // recognised.
     let is_self_contained = |path: &Path| {

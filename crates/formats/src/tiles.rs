@@ -127,7 +127,7 @@ impl TilesetWriter {
     ///
     /// I/O.
     pub fn finish(self, root: TilesetTile) -> Result<(PathBuf, u64)> {
-        let (file, keep) = self.written(root)?;
+        let (file, keep) = self.write_tileset(root)?;
         file.commit()?;
         Ok(keep())
     }
@@ -136,7 +136,7 @@ impl TilesetWriter {
     /// than `max_tiles` tiles. Returns its file, and a function to call once that is published: it
     /// removes the tiles of an earlier tileset, and returns the folder of the tiles and their
     /// bytes.
-    pub(super) fn written(
+    pub(super) fn write_tileset(
         mut self,
         root: TilesetTile,
     ) -> Result<(AtomicFile, impl FnOnce() -> (PathBuf, u64))> {
@@ -144,7 +144,7 @@ impl TilesetWriter {
         let folder = self.address("");
         let max_tiles = self.max_tiles as usize;
         let mut save = |place: &str, part: TilesetTile| {
-            let text = json(&part.beside(&folder), &generator);
+            let text = json(&part.relative_to(&folder), &generator);
             self.put(&format!("set{place}"), "json", text.as_bytes())
         };
         let text = json(&root.split(max_tiles, &mut save)?, &generator);
@@ -310,9 +310,9 @@ impl TilesetTile {
 
     /// The same with addresses relative to a file in the folder of this address, which contains all
     /// its files.
-    fn beside(mut self, folder: &str) -> Self {
+    fn relative_to(mut self, folder: &str) -> Self {
         self.uri = self.uri.map(|uri| uri.strip_prefix(folder).map(str::to_owned).unwrap_or(uri));
-        self.children = self.children.into_iter().map(|child| child.beside(folder)).collect();
+        self.children = self.children.into_iter().map(|child| child.relative_to(folder)).collect();
         self
     }
 
@@ -462,7 +462,7 @@ mod tileset_tests {
         for most in [5, 7, 30, 100, 341, 1000] {
             let mut files = Vec::new();
             let mut save = |place: &str, part: TilesetTile| {
-                files.push((format!("s.tiles/set{place}.json"), part.beside("s.tiles/")));
+                files.push((format!("s.tiles/set{place}.json"), part.relative_to("s.tiles/")));
                 Ok(format!("s.tiles/set{place}.json"))
             };
             let root = tree(5, "").split(most, &mut save).unwrap();

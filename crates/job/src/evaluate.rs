@@ -222,7 +222,7 @@ impl<'a> ReadyEval<'a> {
             let mut drawn = Vec::with_capacity(self.steps.len());
             for (step, secs) in self.steps.iter_mut().zip(&mut secs) {
                 let clock = Instant::now();
-                let measured = step.measured(view, &photo);
+                let measured = step.measure(view, &photo);
                 drawn.push(ScoredPicture {
                     psnr_own_exposure: own[i].map(|own| psnr_at(&measured.picture, own, &photo)),
                     ..measured
@@ -300,7 +300,7 @@ fn psnr_at(picture: &RgbImage, own: [f32; 3], photo: &RgbImage) -> f64 {
 
 impl Representation {
     /// Draws a view and measures it against its photo; objects over black and over white.
-    fn measured(&mut self, view: &View, photo: &RgbImage) -> ScoredPicture {
+    fn measure(&mut self, view: &View, photo: &RgbImage) -> ScoredPicture {
         let mut draw = |background| self.renderer.color_over(&view.camera, background);
         if !(view.photo.is_cut() && photo.alpha.is_some()) {
             scores::measure(self.name, &view.name, photo, draw(None))

@@ -186,7 +186,7 @@ pub(super) fn on_drawn(observer: Observer<'_>) -> impl FnMut(usize, usize) {
 }
 
 /// The error of a run that was stopped in `what`, one of its trainings.
-pub(super) fn stopped(what: &str, training: &Trained) -> Error {
+pub(super) fn stopped_error(what: &str, training: &Trained) -> Error {
     let steps = counted(training.options.steps, "step");
     let place = format!("stopped in {what}, after {} of {steps}", training.steps);
     Error::Stopped {

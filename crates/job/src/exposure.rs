@@ -5,7 +5,7 @@
 //! The share of the predictions that these photos confirm is corrected: [`ExposureEvidence`]. See
 //! docs/benchmarks/exposure.md.
 
-use super::event::{Observer, TrainBegins, TrainPart, begin, stopped};
+use super::event::{Observer, TrainBegins, TrainPart, begin, stopped_error};
 use glam::UVec2;
 use std::sync::Arc;
 use trisplat_dataset::exposure::{
@@ -154,7 +154,7 @@ fn train(
     let run = TrainInputs::new(fold, &options).with_dataset_options(how);
     let trained = run.run(&mut begin(observer, &begins)?)?;
     if trained.stopped {
-        Err(stopped("a short training that leaves some photos out", &trained))
+        Err(stopped_error("a short training that leaves some photos out", &trained))
     } else {
         Ok(trained)
     }

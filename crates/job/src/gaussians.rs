@@ -187,7 +187,7 @@ impl TrainingEffort {
     /// between them, or chosen ones.
     fn cameras(&self, path: &Path, splats: &ImportedSplats) -> Result<Vec<Camera>> {
         let stand_in = splats.stand_in();
-        let stored = self.chosen(&stand_in.cameras);
+        let stored = self.sample_cameras(&stand_in.cameras);
         // The size is that of pictures from around an object.
         let sizes = (self.pictures, self.object.longer_px);
         let viewpoints = Viewpoints::of_splats(&splats.splats, &stand_in, &stored, sizes);
@@ -195,7 +195,7 @@ impl TrainingEffort {
         if viewpoints.kind != ViewpointKind::Stored {
             // The most telling ones come first.
             viewpoints.cameras.truncate(self.pictures);
-            return Ok(self.chosen(&viewpoints.cameras));
+            return Ok(self.sample_cameras(&viewpoints.cameras));
         }
         for _ in 0..ROUNDS_BETWEEN {
             let room = self.pictures.saturating_sub(viewpoints.cameras.len());
@@ -210,7 +210,7 @@ impl TrainingEffort {
 
     /// At most as many of `cameras` as there are pictures, evenly spaced, with pictures of at most
     /// the allowed size.
-    fn chosen(&self, cameras: &[Camera]) -> Vec<Camera> {
+    fn sample_cameras(&self, cameras: &[Camera]) -> Vec<Camera> {
         evenly_spaced(cameras.len(), self.pictures)
             .map(|i| self.surroundings.limited(&cameras[i]))
             .collect()

@@ -1,6 +1,6 @@
 //! A training job, from options to the trained scene: plan, preparation, run, report.
 
-use super::event::{Event, Observer, TrainBegins, TrainPart, begin, stopped};
+use super::event::{Event, Observer, TrainBegins, TrainPart, begin, stopped_error};
 use super::exposure::{self, ExposureDecision};
 use super::teacher::{self, TeacherPlan, TeacherSource};
 use std::path::PathBuf;
@@ -343,7 +343,7 @@ impl TrainJob {
             &TrainBegins { part, steps, ..TrainBegins::default() },
         )?)?;
         if trained.stopped {
-            return Err(stopped("the training of a soft teacher scene", &trained));
+            return Err(stopped_error("the training of a soft teacher scene", &trained));
         }
         // A `Break` is obeyed by the run, which comes next.
         let _ = observer(Event::Teacher(&trained));

@@ -71,7 +71,7 @@ impl Viewpoints {
     }
 
     /// Chosen viewpoints; `None` without any.
-    fn chosen(kind: ViewpointKind, cameras: Vec<Camera>) -> Option<Self> {
+    fn of_kind(kind: ViewpointKind, cameras: Vec<Camera>) -> Option<Self> {
         (!cameras.is_empty()).then_some(Self { kind, cameras })
     }
 }
@@ -153,13 +153,13 @@ impl Search {
             }
             let inside = viewpoints.filter(|viewpoints| viewpoints.kind == ViewpointKind::Inside);
             let Some(Viewpoints { kind, cameras }) = inside else {
-                return Viewpoints::chosen(
+                return Viewpoints::of_kind(
                     ViewpointKind::Around,
                     splat_views::around(splats, up, count, longer_px),
                 );
             };
             let cameras = cameras.iter().map(|c| c.resized(UVec2::splat(longer_px))).collect();
-            return Viewpoints::chosen(kind, cameras);
+            return Viewpoints::of_kind(kind, cameras);
         }
         let places = splat_views::places(splats, length, self.up);
         let view = |place: &Camera| {
@@ -168,7 +168,7 @@ impl Search {
             GoodView { visible: self.survey.visible_middles(&camera), camera: *place }
         };
         let cameras = most_telling(places.iter().map(view).collect(), places.len());
-        Viewpoints::chosen(ViewpointKind::Inside, cameras)
+        Viewpoints::of_kind(ViewpointKind::Inside, cameras)
     }
 
     /// At most `count` viewpoints; `None` if the scene shows nothing from anywhere.
@@ -196,7 +196,7 @@ impl Search {
         let views = if surrounded { inside } else { around };
         let cameras: Vec<Camera> =
             most_telling(views, count).iter().map(|c| unit.to_scene(c)).collect();
-        Viewpoints::chosen(
+        Viewpoints::of_kind(
             if surrounded { ViewpointKind::Inside } else { ViewpointKind::Around },
             cameras,
         )

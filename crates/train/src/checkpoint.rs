@@ -332,17 +332,17 @@ impl Arrays<'_> {
 /// # Errors
 ///
 /// A file that the operating system refuses.
-pub(crate) fn write_kept(path: &Path, checkpoint: &Checkpoint, keep: u32) -> Result<PathBuf> {
+pub(crate) fn write_numbered(path: &Path, checkpoint: &Checkpoint, keep: u32) -> Result<PathBuf> {
     if keep <= 1 {
         return write(path, checkpoint).map(|()| path.to_owned());
     }
     let newest = of_step(path, checkpoint.meta.step);
     write(&newest, checkpoint)?;
     // Files of later steps come from before this run resumed at an earlier one, so they are older.
-    let mut kept = kept(path);
-    kept.sort_by_key(|(step, _)| (*step <= checkpoint.meta.step, *step));
-    let surplus = kept.len().saturating_sub(keep as usize);
-    for (_, old) in &kept[..surplus] {
+    let mut files = numbered_files(path);
+    files.sort_by_key(|(step, _)| (*step <= checkpoint.meta.step, *step));
+    let surplus = files.len().saturating_sub(keep as usize);
+    for (_, old) in &files[..surplus] {
         std::fs::remove_file(old).map_err(|e| Error::io(old, e))?;
     }
     Ok(newest)
@@ -356,11 +356,11 @@ fn of_step(path: &Path, step: u64) -> PathBuf {
 }
 
 /// Steps and names of the numbered checkpoints of `path`.
-pub fn kept(path: &Path) -> Vec<(u64, PathBuf)> {
-    let step = |found: PathBuf| {
-        let digits = found.file_stem()?.to_str()?.rsplit_once(STEP)?.1.to_owned();
+pub fn numbered_files(path: &Path) -> Vec<(u64, PathBuf)> {
+    let step = |file: PathBuf| {
+        let digits = file.file_stem()?.to_str()?.rsplit_once(STEP)?.1.to_owned();
         let step = digits.parse().ok()?;
-        (of_step(path, step).file_name() == found.file_name()).then_some((step, found))
+        (of_step(path, step).file_name() == file.file_name()).then_some((step, file))
     };
     input::entries(folder_of(path)).filter_map(step).collect()
 }

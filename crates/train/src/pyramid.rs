@@ -112,12 +112,12 @@ impl Pyramid {
             return Ok(full);
         }
         let pixels = Arc::new(full.downscaled(size));
-        self.small[i] = self.kept(&pixels);
+        self.small[i] = self.keep(&pixels);
         Ok(pixels)
     }
 
     /// Keeps a small photo; `None` without memory and disk space: then it is made again.
-    fn kept(&mut self, pixels: &Arc<RgbImage>) -> Option<SmallPhoto> {
+    fn keep(&mut self, pixels: &Arc<RgbImage>) -> Option<SmallPhoto> {
         if self.small_bytes + pixels.bytes() > self.small_budget {
             return self.file.put(pixels).ok().map(SmallPhoto::Stored);
         }

@@ -140,7 +140,7 @@ impl<'a> Recorder<'a> {
         let path = self.outputs.checkpoint.as_ref()?;
         let keep = self.outputs.keep;
         let written = checkpoint.and_then(|checkpoint| {
-            Ok((checkpoint.meta.step, checkpoint::write_kept(path, &checkpoint, keep)?))
+            Ok((checkpoint.meta.step, checkpoint::write_numbered(path, &checkpoint, keep)?))
         });
         match written {
             Ok(written) => {

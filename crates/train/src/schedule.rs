@@ -202,7 +202,7 @@ impl<'a> Schedule<'a> {
     }
 
     /// Progress from one position to another after `step`: 0 to 1, linearly.
-    fn done(&self, step: u64, [start, end]: [f64; 2]) -> f64 {
+    fn progress(&self, step: u64, [start, end]: [f64; 2]) -> f64 {
         if self.timeline.has_milestones() && self.options.ends_solid() {
             let length = (end - start).max(1.0);
             return ((self.timeline.position(step + 1) - start) / length).clamp(0.0, 1.0);
@@ -217,7 +217,7 @@ impl<'a> Schedule<'a> {
 
     /// Progress of the opacity's anneal after `step`.
     fn annealed(&self, step: u64) -> f64 {
-        self.done(step, [self.options.solid.opacity_from, self.options.solid.opacity_until])
+        self.progress(step, [self.options.solid.opacity_from, self.options.solid.opacity_until])
     }
 
     /// The state of the anneal at `step`: opacities move to 0 or 1 and σ falls, log-linearly.
@@ -225,7 +225,7 @@ impl<'a> Schedule<'a> {
         if self.is_opaque(step) {
             return Anneal::SOLID;
         }
-        let sigma = self.done(step, [0.0, self.options.solid.opacity_until]);
+        let sigma = self.progress(step, [0.0, self.options.solid.opacity_until]);
         Anneal {
             opacity_floor: 0.0,
             opacity_gain: SOLID_GAIN.powf(self.annealed(step)) as f32,

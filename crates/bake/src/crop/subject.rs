@@ -105,7 +105,7 @@ fn find(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> Option<Standin
         colors: Colors::Face(vec![[0.0; 3]; middles.len()]),
         ..Mesh::default()
     };
-    let areas = seen(&mesh, cameras, ball);
+    let areas = visible_areas(&mesh, cameras, ball);
     let ways = ways(&mesh, cameras, up);
     let looked_at = looked_at(cameras);
     let standing = |(ball, way)| StandingObject::new(scene, &areas, BallFrame::new(ball, way));
@@ -150,7 +150,7 @@ fn looked_at(cameras: &[Camera]) -> Vec<Subject> {
 
 /// The area of each face that some of `cameras` see, times their number; all of it without cameras.
 /// `[F]`
-fn seen(mesh: &Mesh, cameras: &[Camera], ball: Subject) -> Vec<f32> {
+fn visible_areas(mesh: &Mesh, cameras: &[Camera], ball: Subject) -> Vec<f32> {
     let mut areas = vec![0.0; mesh.face_count()];
     let mut solid = SolidRasterizer::new();
     let options = SolidRasterOptions { near: NEAR * ball.radius, ..SolidRasterOptions::default() };

@@ -194,7 +194,7 @@ impl ColorFit {
     }
 
     /// Number of triangles that photos see.
-    pub(super) fn fitted(&self) -> usize {
+    pub(super) fn visible_triangles(&self) -> usize {
         self.sums.iter().filter(|s| s.area() > MIN_PX).count()
     }
 

@@ -67,9 +67,9 @@ impl<'v> Rounds<'v> {
         let colors = faces.encoded_colors();
         let background = self.drawing.background;
         let hole_error = self.is_closed.then_some(HOLE_ERROR);
-        let chosen = effort.chosen(round, self.views.len());
-        self.views.prefetch(&chosen);
-        for view in chosen {
+        let chosen_views = effort.pictures_of_round(round, self.views.len());
+        self.views.prefetch(&chosen_views);
+        for view in chosen_views {
             let camera = self.views.camera(view).fit_within(effort.side);
             let picture = self.views.photo(view)?.shared_at(camera.size);
             let picture = &*picture;
@@ -246,7 +246,7 @@ impl RoundEffort {
 
     /// The pictures of `round`, of `views`: evenly spaced, and from round to round between those
     /// before.
-    pub(super) fn chosen(self, round: u32, views: usize) -> Vec<usize> {
+    pub(super) fn pictures_of_round(self, round: u32, views: usize) -> Vec<usize> {
         let step = views as f64 / self.pictures as f64;
         let shift = (f64::from(round) * GOLDEN_RATIO).fract();
         (0..self.pictures).map(|k| ((k as f64 + shift) * step) as usize).collect()
@@ -297,10 +297,10 @@ mod tests {
             let effort = RoundEffort { rounds: 16, pictures, side: 960 };
             let mut seen = vec![0; views];
             for round in 0..64 {
-                let chosen = effort.chosen(round, views);
-                assert_eq!(chosen.len(), pictures);
-                assert!(chosen.windows(2).all(|pair| pair[0] < pair[1]), "{chosen:?}");
-                for view in chosen {
+                let chosen_views = effort.pictures_of_round(round, views);
+                assert_eq!(chosen_views.len(), pictures);
+                assert!(chosen_views.windows(2).all(|pair| pair[0] < pair[1]), "{chosen_views:?}");
+                for view in chosen_views {
                     seen[view] += 1;
                 }
             }

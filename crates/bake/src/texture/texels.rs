@@ -75,7 +75,7 @@ impl Texels {
     }
 
     /// Number of texels that triangles show.
-    pub(super) fn shown(&self) -> u64 {
+    pub(super) fn shown_texels(&self) -> u64 {
         self.owned.iter().filter(|owned| **owned).count() as u64
     }
 

@@ -161,7 +161,7 @@ fn line(cell: &CostCell) -> String {
 
 /// Summary: the machine, the front with its bands, and the settings to use.
 fn summary(report: &CostReport) -> Vec<String> {
-    let size = ShrunkSize::beside(report.photo_size);
+    let size = ShrunkSize::suffix(report.photo_size);
     let watched = report.watched.len();
     let mut front: Vec<&CostCell> = report.cells.iter().filter(|cell| cell.on_front).collect();
     front.sort_by(|a, b| a.cpu_seconds.total_cmp(&b.cpu_seconds));

@@ -72,7 +72,7 @@ pub fn write_glb(
     content.write_bin(out).map_err(io)?;
     container::write_padding(out, content.bin_bytes).map_err(io)?;
     out.flush().map_err(io)?;
-    Ok(written(&content, bytes, large))
+    Ok(summarize(&content, bytes, large))
 }
 
 /// Writes `asset` as a .gltf document and its .bin buffer.
@@ -98,10 +98,10 @@ pub fn write_gltf(
     bin.flush().map_err(|e| Error::io(path.with_file_name(bin_name), e))?;
     json.write_all(&text).map_err(io)?;
     json.flush().map_err(io)?;
-    Ok(written(&content, bytes, large))
+    Ok(summarize(&content, bytes, large))
 }
 
-fn written(content: &GltfContent, bytes: u64, large: Option<String>) -> WrittenGltf {
+fn summarize(content: &GltfContent, bytes: u64, large: Option<String>) -> WrittenGltf {
     let collapsed = content.parts.iter().map(|p| p.loss.collapsed).sum::<u64>();
     let mut warnings: Vec<String> = large.into_iter().collect();
     if collapsed > 0 {

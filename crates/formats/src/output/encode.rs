@@ -100,7 +100,7 @@ impl SetWriter<'_> {
         let encoding = self.options.encoding(details);
         let mut writer = TilesetWriter::of(file, encoding, self.options.tileset_tiles)?;
         let root = writer.scene(asset)?;
-        let (file, keep) = writer.written(root)?;
+        let (file, keep) = writer.write_tileset(root)?;
         self.written.push(file);
         Ok(keep)
     }

@@ -87,7 +87,7 @@ impl Entry {
 /// Adds the cameras of a list beside the file, turned to fit the Gaussians; a warning says so, or
 /// why they are not used.
 pub(crate) fn add_beside(path: &Path, loaded: &mut ImportedSplats, limits: &Limits) {
-    let Some(list) = beside(path) else { return };
+    let Some(list) = list_path(path) else { return };
     let origin = DVec3::from(loaded.provenance.placement.center);
     let rotated = read_cameras(&list, origin, limits).map(|mut cameras| {
         let turn = fitting_turn(&cameras, &loaded.splats, origin.as_vec3())?;
@@ -117,7 +117,7 @@ pub(crate) fn add_beside(path: &Path, loaded: &mut ImportedSplats, limits: &Limi
 
 /// Path of the camera list: `NAME.cameras.json`, else `cameras.json` in its folder or the trainer's
 /// output folder.
-pub(crate) fn beside(path: &Path) -> Option<PathBuf> {
+pub(crate) fn list_path(path: &Path) -> Option<PathBuf> {
     let folder = path.parent()?;
     let is_named = |folder: &Path, start: &str| {
         folder

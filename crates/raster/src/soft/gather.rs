@@ -205,7 +205,7 @@ impl GradRows<'_> {
             let mut row = GradRow::default();
             let mut drawn = false;
             for (i, piece) in (at..).zip(pieces) {
-                if sums[i].drawn() {
+                if sums[i].is_drawn() {
                     drawn = true;
                     row.add(&sums[i], soup.opacity[triangle]);
                     row.add_corners(

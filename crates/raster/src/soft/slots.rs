@@ -122,7 +122,7 @@ impl SplatSums {
     }
 
     /// True if the splat was drawn.
-    pub(super) fn drawn(&self) -> bool {
+    pub(super) fn is_drawn(&self) -> bool {
         self.base[DRAWN] > 0.0
     }
 }

@@ -249,12 +249,12 @@ impl GpuBackend {
     fn settle(&mut self, wait: bool) -> Result<bool> {
         let Some(pending) = self.pending_steps.front_mut() else { return Ok(false) };
         let counts = pending.readback.take::<u32>(&self.gpu, wait);
-        let Some(counts) = self.failed(counts)? else { return Ok(false) };
+        let Some(counts) = self.keep_error(counts)? else { return Ok(false) };
         let pending = self.pending_steps.front();
         match missing_capacity(&counts) {
             Some(more) => {
                 let repeated = self.repeat(more);
-                self.failed(repeated)?;
+                self.keep_error(repeated)?;
             }
             None => {
                 self.figures.extend(pending.map(|pending| pending.stats(&counts)));
@@ -280,7 +280,7 @@ impl GpuBackend {
 
     /// Keeps the error of a begun step or a failed upload: the state on the card is useless from
     /// then on.
-    fn failed<T>(&mut self, outcome: Result<T>) -> Result<T> {
+    fn keep_error<T>(&mut self, outcome: Result<T>) -> Result<T> {
         if let Err(error) = &outcome {
             let why = match error {
                 Error::Gpu(why) => why.clone(),
@@ -334,7 +334,7 @@ impl TrainBackend for GpuBackend {
         self.loaded = Some(state);
         lost?;
         let loaded = self.load_again();
-        self.failed(loaded)
+        self.keep_error(loaded)
     }
 
     fn store(&mut self) -> Result<OptimizerState> {
@@ -406,7 +406,7 @@ impl TrainBackend for GpuBackend {
             dssim: rates.dssim,
             plan,
         });
-        self.failed(launched)?;
+        self.keep_error(launched)?;
         while self.pending_steps.len() > self.limits.ahead {
             self.settle(true)?;
         }

@@ -116,7 +116,7 @@ impl StepPasses<'_> {
     }
 
     /// Index of the buffer with the sorted pairs, 0 or 1.
-    fn sorted(&self) -> usize {
+    fn sorted_buffer(&self) -> usize {
         tile_digits(self.plan) as usize % 2
     }
 
@@ -133,7 +133,7 @@ impl StepPasses<'_> {
         let bindings = [
             all(self.step),
             all(self.counts),
-            all(&buffers.tiles[self.sorted()]),
+            all(&buffers.tiles[self.sorted_buffer()]),
             all(&buffers.table),
         ];
         to.run(&self.passes.tile_starts, Spread::Over(tiles + 1, GROUP), &bindings);
@@ -145,7 +145,7 @@ impl StepPasses<'_> {
         vec![
             all(self.step),
             all(&buffers.table),
-            all(&buffers.pairs[self.sorted()]),
+            all(&buffers.pairs[self.sorted_buffer()]),
             all(&buffers.owners),
             all(&buffers.records),
             all(&buffers.planes),
