@@ -183,8 +183,8 @@ fn largest_rectangle(side: usize, whole: impl Fn(usize, usize) -> bool) -> Optio
     let mut area = 0;
     let mut height = vec![0; side];
     for y in 0..side {
-        for x in 0..side {
-            height[x] = if whole(x, y) { height[x] + 1 } else { 0 };
+        for (x, height) in height.iter_mut().enumerate() {
+            *height = if whole(x, y) { *height + 1 } else { 0 };
         }
         for left in 0..side {
             let mut lowest = height[left];

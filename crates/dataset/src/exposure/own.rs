@@ -35,8 +35,8 @@ pub fn own_exposures(
     for (residual, correction) in
         residuals.iter_mut().zip(solution.corrections(strengths).unwrap_or_default().gains)
     {
-        for c in 0..3 {
-            residual[c] -= correction[c];
+        for (residual, correction) in residual.iter_mut().zip(correction) {
+            *residual -= correction;
         }
     }
     let relative = beside_others(lights, gains, &residuals, &is_used);

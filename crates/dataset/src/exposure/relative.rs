@@ -26,8 +26,9 @@ pub(super) fn beside_others(
         for sum in lights[photo].iter().filter_map(|light| sums.get(&light.point)) {
             let others = sum[3] - itself;
             if others > 0.5 {
-                for c in 0..3 {
-                    mean[c] += (sum[c] - itself * residuals[photo][c]) / others;
+                for (mean, (sum, residual)) in mean.iter_mut().zip(sum.iter().zip(residuals[photo]))
+                {
+                    *mean += (sum - itself * residual) / others;
                 }
                 mean[3] += 1.0;
             }
