@@ -9,8 +9,8 @@ use trisplat_bake::unseen::UnseenDetails;
 use trisplat_bake::{
     ArrangeDetails, BackdropDetails, BackgroundDetails, BakeOptions, ChunkDetails, ColorDetails,
     CropDetails, ExposureDetails, LitDetails, LodDetails, OrderDetails, PlaceDetails, PruneDetails,
-    ReshapeDetails, ShDetails, SidesDetails, SolidDetails, TeacherDetails, TextureDetails,
-    TilesDetails, ViewpointDetails, WeldDetails,
+    ReshapeDetails, ShDetails, SidesDetails, SimplifyDetails, SolidDetails, TeacherDetails,
+    TextureDetails, TilesDetails, ViewpointDetails, WeldDetails,
 };
 use trisplat_dataset::Description;
 use trisplat_dataset::capture::{
@@ -120,6 +120,7 @@ fn report_schema() -> schemars::Schema {
         VerdictDetails,
         BackgroundDetails,
         CropDetails,
+        SimplifyDetails,
         ArrangeDetails,
         ExposureEvidence,
         TeacherDetails,

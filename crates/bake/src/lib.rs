@@ -1,8 +1,9 @@
 //! The bake: a recipe of stages from a scene to an asset.
 //!
 //! ```text
-//! background → crop → teacher → arrange → collision → prune → solid → color → unseen → exposure → reshape → sides → backdrop → refit
-//! → sh → texture → lit → weld → place → viewpoint → chunk → order → lod → tiles
+//! background → crop → simplify → teacher → arrange → collision → prune → solid → color → unseen
+//! → exposure → reshape → sides → backdrop → refit → sh → texture → lit → weld → place → viewpoint
+//! → chunk → order → lod → tiles
 //! ```
 //!
 //! Each stage is a file with its options, its function and its measurements ([`StageDetails`]); it
@@ -40,6 +41,7 @@ mod reshape;
 mod run;
 mod sh;
 mod sides;
+mod simplify;
 mod solid;
 mod surroundings;
 mod teacher;
@@ -71,6 +73,7 @@ pub use reshape::{ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, resh
 pub use run::{Bake, bake};
 pub use sh::{ShDegree, ShDetails, ShOptions, sh};
 pub use sides::{Sides, SidesDetails, SidesOptions, sides};
+pub use simplify::{SimplifyDetails, simplify};
 pub use solid::{
     ColorDetails, SOLID_SIGMA, SolidDetails, SolidOptions, Solidify, area_factor, color,
     contour_factor, shrink, solid,

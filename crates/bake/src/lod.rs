@@ -1,12 +1,14 @@
 //! Levels of detail: the same scene with fewer triangles, for an engine to draw where it is small
 //! on the screen.
 //!
-//! Triangles are ranked once, by importance, so that the triangles of a level are also those of
-//! every finer one. In each level they are then enlarged to cover the gaps of the dropped ones. The
-//! recipe finishes a level like the scene itself: colours from the photos if there are any, then
-//! the stages that make a file.
+//! Connected parts are simplified by edge collapses for each level. The triangles of a soup are
+//! ranked once, by importance, so that those of a level are also those of every finer one. In each
+//! level they are then enlarged to cover the gaps of the dropped ones. The recipe finishes a level
+//! like the scene itself: colours from the photos if there are any, then the stages that make a
+//! file.
 
 use super::decimate::{self, Decimation};
+use super::simplify::{Parts, faces_of_share};
 use super::views::SAMPLES;
 use crate::unseen::visible_px;
 use schemars::JsonSchema;
@@ -15,6 +17,7 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Outcome, StageProgress};
 use trisplat_scene::{Asset, Error, Result};
+use trisplat_surface::collapse;
 
 /// Maximum number of levels beside the scene itself.
 const MAX_LEVELS: usize = 8;
@@ -74,7 +77,7 @@ trisplat_scene::stage!(LodDetails, "lod");
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum LodRanking {
-    /// By opacity times area: there were no cameras.
+    /// By opacity times area: there were no cameras, or no triangles to rank.
     #[default]
     Size,
     /// By the change of the cameras' pictures without them.
@@ -138,20 +141,33 @@ pub fn lod(
     if !levels.is_empty() {
         return Ok(Outcome::Skipped("the scene has levels already"));
     }
-    let faces = source.mesh.face_count();
-    let count = |share: f64| ((faces as f64 * share) as usize).max(1);
-    let fewest = options.lod.last().map_or(1, |share| count(*share));
-    let mut decimation = Decimation::new(source.mesh, source.cameras);
-    let ranked = rank(source, &mut decimation, fewest, progress.part(0.0, RANKING_PART));
-    if !source.cameras.is_empty() {
+    let Parts { connected, loose } = Parts::of(source.mesh);
+    let loose = LevelSource { mesh: &loose, ..*source };
+    let fewest = options.lod.last().map_or(1, |share| faces_of_share(loose.mesh, *share));
+    let mut decimation = Decimation::new(loose.mesh, source.cameras);
+    let ranked = rank(&loose, &mut decimation, fewest, progress.part(0.0, RANKING_PART));
+    if !source.cameras.is_empty() && loose.mesh.face_count() > 0 {
         details.ordered_by = LodRanking::Importance;
     }
     let start =
         |i: usize| RANKING_PART + (1.0 - RANKING_PART) * i as f64 / options.lod.len() as f64;
     for (i, &share) in options.lod.iter().enumerate() {
         let mut progress = progress.part(start(i), start(i + 1));
-        let faces = &ranked[..count(share).min(faces)];
-        let level = level(source, &mut decimation, faces, progress.part(0.0, MOVING_PART));
+        let faces = &ranked[..faces_of_share(loose.mesh, share).min(ranked.len())];
+        let soup = if faces.is_empty() {
+            Mesh::default()
+        } else {
+            level(&loose, &mut decimation, faces, progress.part(0.0, MOVING_PART))
+        };
+        let level = match &connected {
+            Some(connected) => {
+                let faces = faces_of_share(source.mesh, share) - soup.face_count();
+                let mut level = collapse(connected, faces.max(1)).mesh;
+                level.append(soup)?;
+                level
+            }
+            None => soup,
+        };
         let FinishedLevel { asset, psnr } = finish(level, progress.part(MOVING_PART, 1.0))?;
         let triangles = asset.scene_faces() as u64;
         let detail = asset.detail();
@@ -169,7 +185,7 @@ fn rank(
     mut progress: StageProgress<'_>,
 ) -> Vec<u32> {
     let LevelSource { mesh, cameras, .. } = *source;
-    if cameras.is_empty() {
+    if cameras.is_empty() || mesh.face_count() == 0 {
         return decimate::rank_by_size(mesh);
     }
     let visible = visible_px(mesh, cameras, SAMPLES, progress.part(0.0, 0.3));
@@ -177,7 +193,7 @@ fn rank(
     decimation.rank_by_importance(&visible, &all, fewest, progress.part(0.3, 1.0))
 }
 
-/// The mesh with only some of its faces, in their old order, enlarged to cover the gaps.
+/// The loose triangles with only some of them, in their old order, enlarged to cover the gaps.
 fn level(
     source: &LevelSource<'_>,
     decimation: &mut Decimation<'_>,

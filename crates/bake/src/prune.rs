@@ -12,6 +12,7 @@ use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::report::{Outcome, counted, to_json};
 use trisplat_scene::{Error, Result, Scene, Soup};
+use trisplat_surface::connected_faces;
 
 /// Largest permitted coordinate. A few million squares or areas of larger ones overflow an f32 in
 /// an engine or a hierarchy, so such triangles cannot be drawn.
@@ -40,8 +41,8 @@ pub struct PruneOptions {
     #[cfg_attr(feature = "cli", arg(skip = PruneOptions::DEFAULT.max_sigma))]
     #[schemars(range(min = 0.0, max = 1e9))]
     pub max_sigma: f64,
-    /// Keep at most this many triangles: those with the largest opacity times area times mean
-    /// window
+    /// Keep at most this many triangles: of a soup those with the largest opacity times area times
+    /// mean window; where triangles share edges, edges collapse
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[schemars(range(min = 1, max = 1_000_000_000))]
     pub max_triangles: Option<u64>,
@@ -98,8 +99,12 @@ pub fn prune(
 ) -> Result<Outcome<()>> {
     options.validate()?;
     let verdicts = match &*scene {
-        Scene::Soup(soup) => classify(soup.len(), |i| soup_face(soup, i), options),
-        Scene::Mesh(mesh) => classify(mesh.face_count(), |i| mesh_face(mesh, i), options),
+        Scene::Soup(soup) => classify(soup.len(), |i| soup_face(soup, i), &[], options),
+        Scene::Mesh(mesh) => {
+            let exceeds = options.max_triangles.is_some_and(|n| mesh.face_count() as u64 > n);
+            let kept = if exceeds { connected_flags(mesh) } else { Vec::new() };
+            classify(mesh.face_count(), |i| mesh_face(mesh, i), &kept, options)
+        }
     };
     let counts = PruneDetails::of(&verdicts);
     if counts.out_of_reach > 0 {
@@ -207,15 +212,21 @@ fn mesh_face(mesh: &Mesh, i: usize) -> Face {
     Face { corners: mesh.corners(i), opacity, sigma: 0.0, color: mesh.corner_colors(i)[0] }
 }
 
-/// The verdict on every face. `[N]`
+/// The verdict on every face; the limit of triangles drops those last that are `connected`, empty
+/// for none. `[N]`
 fn classify(
     count: usize,
     face: impl Fn(usize) -> Face + Sync,
+    connected: &[bool],
     options: &PruneOptions,
 ) -> Vec<PruneDecision> {
     let mut verdicts: Vec<PruneDecision> =
         parallel::collect(count, GRAIN, |i| classify_alone(&face(i), options));
-    drop_over_budget(&mut verdicts, &face, options);
+    let contribution = |i: usize| match connected.get(i) {
+        Some(true) => f32::INFINITY,
+        _ => contribution(&face(i)) as f32,
+    };
+    drop_over_budget(&mut verdicts, &contribution, options);
     verdicts
 }
 
@@ -243,6 +254,15 @@ fn classify_alone(face: &Face, options: &PruneOptions) -> PruneDecision {
 /// The largest coordinate of some corners.
 fn reach(corners: &[Vec3; 3]) -> f32 {
     corners.iter().map(|v| v.abs().max_element()).fold(0.0, f32::max)
+}
+
+/// True for faces of connected parts that an engine can draw. `[F]`
+pub(crate) fn connected_flags(mesh: &Mesh) -> Vec<bool> {
+    let is_drawable = |corners: &[Vec3; 3]| {
+        corners.iter().all(|corner| corner.is_finite()) && reach(corners) <= REACH
+    };
+    let flags = connected_faces(mesh).into_iter().enumerate();
+    flags.map(|(face, is_connected)| is_connected && is_drawable(&mesh.corners(face))).collect()
 }
 
 /// True when the corners lie on a line or a point, to the rounding of the longest edge; also for
@@ -276,13 +296,11 @@ fn is_degenerate_f64(corners: &[Vec3; 3]) -> bool {
 /// Keeps the `max_triangles` faces that add most to the picture; ties go to the earlier face.
 fn drop_over_budget(
     verdicts: &mut [PruneDecision],
-    face: &(impl Fn(usize) -> Face + Sync),
+    contribution: &(impl Fn(usize) -> f32 + Sync),
     options: &PruneOptions,
 ) {
     let Some(budget) = options.max_triangles.and_then(|n| usize::try_from(n).ok()) else { return };
-    let kept = |i: usize| {
-        (verdicts[i] == PruneDecision::Keep).then(|| (contribution(&face(i)) as f32, i as u32))
-    };
+    let kept = |i: usize| (verdicts[i] == PruneDecision::Keep).then(|| (contribution(i), i as u32));
     let mut contributions: Vec<(f32, u32)> = parallel::filter_map(verdicts.len(), GRAIN, kept);
     if contributions.len() <= budget {
         return;

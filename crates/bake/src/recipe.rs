@@ -69,6 +69,7 @@ impl<'a> Recipe<'a> {
             self.load(inputs, photos)?;
         let (scene, background) = self.background(scene, background, &pictures)?;
         let (scene, crop) = self.crop(scene, &pictures)?;
+        let scene = self.simplify(scene, input_backdrop.as_ref(), &pictures)?;
 
         // Pictures and surfaces of the scene as it was trained.
         let (scene, viewpoint_cameras) =

@@ -1,5 +1,6 @@
 //! The recipe: from a scene to its surface.
 
+use crate::collider::collider;
 use crate::fill::{Holes, drop_small, drop_small_areas, fill};
 use crate::fuse::{DistanceField, Fusion, VoxelBlock};
 use crate::grid::{Grid, blocks};
@@ -12,7 +13,7 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::report::{Outcome, StageProgress};
-use trisplat_scene::{Error, ImportedScene, Limits, Result, parallel};
+use trisplat_scene::{Error, ImportedScene, Limits, Result, Scene, parallel};
 use trisplat_teacher::Viewpoints;
 
 /// Rounds of smoothing before a surface is simplified.
@@ -176,19 +177,22 @@ fn fused(
 #[serde(deny_unknown_fields, default)]
 pub struct CollisionOptions {
     /// Make a surface of few triangles to collide with: for Godot a node that it does not draw, for
-    /// others a file OUT.collision.glb. It covers the view of the cameras of --dataset, or of the
-    /// scene
+    /// others a file OUT.collision.glb. Of a soup it covers the view of the cameras of --dataset, or
+    /// of the scene; a mesh whose triangles share edges is simplified and stays closed
     #[cfg_attr(feature = "cli", arg(long))]
     pub collision: bool,
-    /// Maximum number of triangles of that surface
+    /// Maximum number of triangles of that surface: 4000 of a soup, an eighth of a mesh whose
+    /// triangles share edges, unless given
     #[cfg_attr(feature = "cli", arg(skip = CollisionOptions::DEFAULT.collision_triangles))]
     #[schemars(range(min = 1, max = 1_000_000_000))]
-    pub collision_triangles: u32,
+    pub collision_triangles: Option<u32>,
 }
 
 impl CollisionOptions {
     /// None.
-    pub const DEFAULT: Self = Self { collision: false, collision_triangles: 4000 };
+    pub const DEFAULT: Self = Self { collision: false, collision_triangles: None };
+    /// Maximum number of triangles of a soup's surface.
+    const SOUP_TRIANGLES: u32 = 4000;
 
     /// Checks the range.
     pub fn validate(&self) -> Result<()> {
@@ -210,8 +214,9 @@ pub struct CollisionDetails {
 
 trisplat_scene::stage!(CollisionDetails, "collision");
 
-/// Makes the surface of `scene` that `cameras` see, in the scene's frame. Without `cameras`, stored
-/// or chosen ones are used.
+/// Makes the collider of `scene`, in its frame: a mesh whose triangles share edges is simplified;
+/// of other scenes it is the surface that `cameras` see. Without `cameras`, stored or chosen ones
+/// are used.
 ///
 /// # Errors
 ///
@@ -231,11 +236,17 @@ pub fn collision(
         return Ok(Outcome::Skipped("there is something to collide with already"));
     }
     options.validate()?;
-    let how = SurfaceOptions {
-        max_triangles: Some(options.collision_triangles),
-        ..SurfaceOptions::DEFAULT
+    if let Scene::Mesh(mesh) = &scene.scene {
+        let most = options.collision_triangles.map(|most| most as usize);
+        *found = collider(mesh, most, &mut details.surface)
+            .map_err(|error| error.of_option("collision_triangles"))?;
+        if found.is_some() {
+            return Ok(Outcome::Changed(()));
+        }
     }
-    .for_scene(scene.scene.triangle_count());
+    let most = options.collision_triangles.unwrap_or(CollisionOptions::SOUP_TRIANGLES);
+    let how = SurfaceOptions { max_triangles: Some(most), ..SurfaceOptions::DEFAULT }
+        .for_scene(scene.scene.triangle_count());
     *found = extract(scene, cameras, None, &how, &Limits::DEFAULT, &mut details.surface, progress)
         .map_err(|error| error.of_option("collision_triangles"))?;
     Ok(match found {

@@ -16,6 +16,9 @@
 //!
 //! In: a scene. Out: a connected mesh, for the eye or to collide with.
 
+mod collapse;
+mod collider;
+mod connected;
 mod extract;
 mod fill;
 mod fuse;
@@ -25,6 +28,8 @@ mod options;
 mod picture;
 mod simplify;
 
+pub use collapse::{Collapsed, collapse};
+pub use connected::connected_faces;
 pub use extract::{
     CollisionDetails, CollisionOptions, SurfacePart, collision, surface, surface_of_part,
 };

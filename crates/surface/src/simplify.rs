@@ -2,6 +2,7 @@
 //! the quadric errors of meshoptimizer, and where the topology permits no more of that, vertices
 //! are joined and edges collapse again.
 
+use crate::collapse::COLOR_WEIGHT;
 use crate::fill::{Components, drop_small_areas};
 use glam::{DMat3, DVec3, UVec3, Vec3};
 use meshopt::{SimplifyOptions, VertexDataAdapter};
@@ -11,9 +12,6 @@ use trisplat_scene::math::color::srgb_from_linear;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{Error, parallel};
 
-/// Weight of a colour change: one from black to white counts as a move by this share of the
-/// mesh's size.
-const COLOR_WEIGHT: f32 = 0.02;
 /// A piece whose share of the area is worth fewer triangles is dropped: an octahedron has as many.
 const MIN_FACES_PER_PIECE: f64 = 8.0;
 /// Maximum number of triangles that edge collapses start from, per triangle that stays: their time

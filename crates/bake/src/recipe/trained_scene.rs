@@ -8,6 +8,7 @@ use crate::crop::{CropDetails, crop};
 use crate::lit::{Lit, SURFACE};
 use crate::order::arrange;
 use crate::reshape::{ReshapeWhen, SceneTraits};
+use crate::simplify::simplify;
 use crate::teacher::{TeacherDetails, TeacherWhen, is_solid, solid_views, stored_cameras, teacher};
 use crate::views::Views;
 use trisplat_scene::camera::Camera;
@@ -69,6 +70,27 @@ impl Recipe<'_> {
             *texture = texture.excerpt(0, self.options.texture.texture_size);
         }
         Ok((loaded, details))
+    }
+
+    /// Before cameras rank triangles: edges of connected ones collapse until the limit leaves
+    /// nothing to drop.
+    pub(super) fn simplify(
+        &mut self,
+        loaded: ImportedScene,
+        input_backdrop: Option<&Mesh>,
+        pictures: &TargetPictures<'_>,
+    ) -> Result<ImportedScene> {
+        let backdrop = self.counted_triangles(input_backdrop) as u64;
+        let backdrop = backdrop.min(self.budget.surroundings.unwrap_or(0));
+        // Photos may ask for a sphere behind holes.
+        let limit = if pictures.photos.is_some() && backdrop == 0 {
+            self.options.backdrop.scene_budget(self.budget.total)
+        } else {
+            self.budget.total.map(|total| (total - backdrop).max(1))
+        };
+        self.stage(loaded, ImportedScene::counts, |loaded, details| {
+            simplify(&mut loaded.scene, limit, details)
+        })
     }
 
     /// Cameras that rank the triangles of a mesh without any, for a limit that it exceeds: those of

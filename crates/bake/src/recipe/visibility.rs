@@ -3,6 +3,7 @@
 use super::Recipe;
 use super::values::SceneCameras;
 use crate::budget::TriangleBudget;
+use crate::prune::connected_flags;
 use crate::surroundings::protected_faces;
 use crate::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use crate::views::Views;
@@ -50,10 +51,13 @@ impl Recipe<'_> {
                     let progress = &mut progress.part(0.0, 0.5);
                     details.masked = masked(mesh, views.as_deref_mut(), &unseen_options, progress)?;
                 }
-                let protected = protected_faces(mesh, &budget);
+                let mut protected = protected_faces(mesh, &budget);
                 // A scene that keeps its shell gets no sphere, so its budget leaves no room for
                 // one.
                 let max_faces = if protected.is_empty() { max_faces } else { budget.total };
+                if max_faces.is_some_and(|most| mesh.face_count() as u64 > most) {
+                    protect_connected(mesh, &mut protected);
+                }
                 let limit = FaceLimit { max_faces, protected };
                 let outcome =
                     unseen(mesh, cameras, views, &unseen_options, &limit, details, progress)?;
@@ -80,5 +84,16 @@ impl Recipe<'_> {
         input_backdrop
             .filter(|backdrop| is_limited && is_plain(backdrop) && is_plain(mesh))
             .cloned()
+    }
+}
+
+/// Protects faces of connected parts too, which have met their share of the limit already.
+fn protect_connected(mesh: &Mesh, protected: &mut Vec<bool>) {
+    let connected = connected_flags(mesh);
+    if connected.contains(&true) {
+        protected.resize(mesh.face_count(), false);
+        for (protected, connected) in protected.iter_mut().zip(connected) {
+            *protected |= connected;
+        }
     }
 }

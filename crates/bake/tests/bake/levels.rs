@@ -6,6 +6,7 @@ use trisplat_bake::{
     Bake, BakeOptions, BakePreset, Decimation, LodDetails, LodOptions, LodRanking, SAMPLES,
     visible_px,
 };
+use trisplat_fixtures::shapes::loose;
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
     Asset, ImportedScene, Scene,
@@ -22,7 +23,7 @@ fn wall() -> Mesh {
         [a, b, c, a, c, d]
     };
     let squares = |z: f32| (0..256).flat_map(move |i| square(i % 16, i / 16, z));
-    let positions: Vec<Vec3> = squares(0.0).chain(squares(0.5)).collect();
+    let positions = loose(squares(0.0).chain(squares(0.5)).collect());
     let color = |i: usize| {
         if positions[i].z == 0.0 {
             [0.4 + 0.2 * positions[i].x, 0.4 + 0.2 * positions[i].y, 0.3]

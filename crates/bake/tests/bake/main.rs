@@ -5,6 +5,7 @@ mod background;
 mod chunks;
 mod closed_form;
 mod collision;
+mod connected;
 mod exposure;
 mod first_view;
 mod hostile;

@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 use trisplat_bake::{Bake, BakeOptions, BakePreset, TilesDetails, TilesOptions};
+use trisplat_fixtures::shapes::loose;
 use trisplat_scene::{
     Asset, Tile,
     mesh::{Colors, Mesh},
@@ -16,7 +17,7 @@ fn ground(side: u32) -> Mesh {
         let y = i / side;
         [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y), at(x + 1, y + 1), at(x, y + 1)]
     };
-    let positions: Vec<Vec3> = (0..side * side).flat_map(square).collect();
+    let positions = loose((0..side * side).flat_map(square).collect());
     let colors =
         (0..positions.len() / 3).map(|i| [i as f32 / positions.len() as f32, 0.5, 0.2]).collect();
     Mesh { positions, colors: Colors::Face(colors), ..Mesh::default() }

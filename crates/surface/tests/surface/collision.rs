@@ -10,7 +10,8 @@ use trisplat_scene::{
 };
 use trisplat_surface::{CollisionDetails, CollisionOptions, collision};
 
-const COLLISION: CollisionOptions = CollisionOptions { collision: true, collision_triangles: 1000 };
+const COLLISION: CollisionOptions =
+    CollisionOptions { collision: true, collision_triangles: Some(1000) };
 
 /// A ball off the origin, with cameras around it.
 fn scene() -> ImportedScene {
@@ -44,5 +45,5 @@ fn it_is_made_once_and_when_it_is_asked_for() {
         run(&mut none, &ImportedScene::from(Mesh::default()), &COLLISION),
         "no connected surface"
     ));
-    assert!(CollisionOptions { collision_triangles: 0, ..COLLISION }.validate().is_err());
+    assert!(CollisionOptions { collision_triangles: Some(0), ..COLLISION }.validate().is_err());
 }
