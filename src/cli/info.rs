@@ -2,6 +2,7 @@
 //! and values or as JSON.
 
 use super::messages::{self, many, thousands};
+use serde::Serialize;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, Description};
@@ -10,6 +11,7 @@ use trisplat_formats::info::{Distribution, Info, SceneKind, Softness, TextureInf
 use trisplat_formats::{ReadOptions, unzipped_sog};
 use trisplat_scene::report::counted;
 use trisplat_scene::{Error, Placement, Result};
+use trisplat_train::checkpoint::{self, Checkpoint};
 
 /// Maximum number of cameras of a data set listed one by one; others are only counted.
 const LISTED: usize = 5;
@@ -44,6 +46,9 @@ pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
         } else {
             print(dataset_rows(&description), out)
         }
+    } else if checkpoint::is_checkpoint(&args.input) {
+        let summary = CheckpointSummary::of(&args.input, checkpoint::read(&args.input)?);
+        if args.json { messages::print_json(&summary, out) } else { print(summary.rows(), out) }
     } else {
         let info = trisplat_job::describe(&args.input, &how.read_options(3))?;
         if args.json {
@@ -61,6 +66,49 @@ pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
 pub fn is_dataset(path: &Path) -> bool {
     let is_list = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
     (path.is_dir() || is_list) && unzipped_sog(path).is_none()
+}
+
+/// The training in a checkpoint of this program.
+#[derive(Debug, Serialize)]
+struct CheckpointSummary {
+    path: String,
+    generator: String,
+    step: u64,
+    steps: u64,
+    triangles: u64,
+    sh_degree: u8,
+    photos: u64,
+    cpu_secs: f64,
+}
+
+impl CheckpointSummary {
+    fn of(path: &Path, Checkpoint { state, meta, .. }: Checkpoint) -> Self {
+        Self {
+            path: path.display().to_string(),
+            generator: meta.generator,
+            step: meta.step,
+            steps: meta.options.steps,
+            triangles: state.params.len() as u64,
+            sh_degree: meta.options.sh_degree,
+            photos: meta.identity.photos.len() as u64,
+            cpu_secs: meta.cpu_secs,
+        }
+    }
+
+    fn rows(&self) -> Vec<Row> {
+        let step = format!("{} of {}", thousands(self.step), thousands(self.steps));
+        let kind =
+            format!("checkpoint of a training, spherical harmonics of degree {}", self.sh_degree);
+        vec![
+            ("kind", kind),
+            ("step", step),
+            ("triangles", thousands(self.triangles)),
+            ("photos", thousands(self.photos)),
+            ("generator", self.generator.clone()),
+            ("time", format!("{:.0} CPU s", self.cpu_secs)),
+            ("go on", format!("trisplat train PHOTOS --resume {} -o scene.ply", self.path)),
+        ]
+    }
 }
 
 fn print(rows: Vec<Row>, out: &mut dyn Write) -> io::Result<()> {
@@ -125,8 +173,12 @@ fn scene_rows(info: &Info) -> Vec<Row> {
 fn origin_rows(info: &Info) -> Vec<Row> {
     let origin = &info.provenance;
     let up = origin.up.and_then(|up| serde_json::to_value(up).ok());
-    let up = up.as_ref().and_then(|up| up.as_str()).unwrap_or("the file does not say");
-    let mut rows = vec![("up axis", up.to_owned())];
+    let unsaid = || match origin.usual_up.and_then(|up| serde_json::to_value(up).ok()) {
+        Some(usual) => format!("the file does not say, taken as {}", usual.as_str().unwrap_or("")),
+        None => "the file does not say".to_owned(),
+    };
+    let up = up.as_ref().and_then(|up| up.as_str()).map_or_else(unsaid, str::to_owned);
+    let mut rows = vec![("up axis", up)];
     let texts = [
         ("generator", &origin.generator),
         ("trainer", &origin.trainer),

@@ -94,7 +94,8 @@ pub fn main() -> ExitCode {
         Ok(code) => code,
         Err(error) => {
             let command = flags::innermost(&program, &matches);
-            messages::print(&format!("error: {}", flags::message(&error, command)));
+            let hint = suggestions::similar_file(&error).unwrap_or_default();
+            messages::print(&format!("error: {}{hint}", flags::message(&error, command)));
             ExitCode::from(signals::exit_code().unwrap_or(1))
         }
     }

@@ -4,10 +4,11 @@
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Command, Error, ValueEnum};
 use serde_json::Value;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use trisplat_bake::{BakeOptions, MeshOptions};
 use trisplat_dataset::capture::is_camera_file;
 use trisplat_formats::{OutputTarget, unzipped_sog};
+use trisplat_scene::input;
 use trisplat_train::TrainOptions;
 
 /// Fewer letters are the beginning of too many names.
@@ -93,6 +94,22 @@ fn near(typed: &str, suggested: &str) -> bool {
         .map(|flag| flag.trim_start_matches('-').split([' ', '=']).next().unwrap_or_default());
     let begins = a.len() >= 3 && (b.starts_with(a) || a.starts_with(b));
     begins || 3 * strsim::osa_distance(a, b) <= a.len().max(b.len())
+}
+
+/// The end of the message about a file or folder that does not exist, with one of a similar name
+/// beside it.
+pub(super) fn similar_file(error: &trisplat_scene::Error) -> Option<String> {
+    let trisplat_scene::Error::Io { path, source } = error else { return None };
+    let is_missing = source.kind() == std::io::ErrorKind::NotFound && !path.exists();
+    let name = path.file_name().filter(|_| is_missing)?.to_str()?.to_lowercase();
+    let folder = path.parent()?;
+    let distance = |other: &PathBuf| {
+        let other = other.file_name()?.to_str()?.to_lowercase();
+        let distance = strsim::osa_distance(&name, &other);
+        (3 * distance <= name.len().max(other.len())).then_some(distance)
+    };
+    let similar = input::entries(folder).filter_map(|other| Some((distance(&other)?, other)));
+    similar.min().map(|(_, other)| format!("; did you mean {}?", other.display()))
 }
 
 // ---- The hint of an unknown flag that is a setting: `--contour 0.3` is typed `--set contour=0.3`

@@ -54,6 +54,14 @@ fn refused(folder: &Path, more: &[&str], needle: &str) {
 #[test]
 fn a_run_goes_on_with_what_it_was_made_of_or_not_at_all() {
     let folder = stopped();
+    let described = run(folder.path(), &["info", "a.checkpoint"]);
+    let text = String::from_utf8(described.stdout.clone()).unwrap();
+    succeed(described);
+    for needle in ["checkpoint of a training", "15 of 20", "--resume a.checkpoint"] {
+        assert!(text.contains(needle), "{needle}: {text}");
+    }
+    let baked = stderr(&run(folder.path(), &["bake", "a.checkpoint", "-o", "c.glb"]));
+    assert!(baked.contains("--resume a.checkpoint"), "{baked}");
     refused(folder.path(), &SAME[..2], "px and is 24x");
     refused(folder.path(), &SAME[2..], "its background was #203040 and is #000000 (--background)");
     let forced =

@@ -359,6 +359,21 @@ fn a_file_in_place_of_a_command_names_the_command() {
 }
 
 #[test]
+fn a_mistyped_file_names_the_near_one_and_system_folders_refuse() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene.ply");
+    std::fs::copy(sample("studio.ply"), &scene).unwrap();
+    let text = fails_of(&[&"info", &folder.path().join("scne.ply")]);
+    assert!(text.ends_with(&format!("; did you mean {}?\n", scene.display())), "{text}");
+    let text = fails_of(&[&"info", &folder.path().join("other.obj")]);
+    assert!(text.ends_with("does not exist\n"), "{text}");
+    if cfg!(target_os = "linux") {
+        let text = fails_of(&[&"bake", &scene, &"-o", &"/proc/x.glb"]);
+        assert!(text.contains("/proc/x.glb: its folder takes no files"), "{text}");
+    }
+}
+
+#[test]
 fn gaussians_are_validated_by_their_own_reader() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.splat");
@@ -447,7 +462,7 @@ fn bake_of_a_mesh_names_its_up_axis_and_removed_alpha() {
     };
     let text = said(&[]);
     assert!(text.contains("removed 1 triangle whose alpha is below 0.014"), "{text}");
-    assert!(text.contains("taken as −y: --up y if it lies on its head"), "{text}");
+    assert!(text.contains("taken as y: --up -y if it lies on its head"), "{text}");
     assert!(!said(&["--up", "y"]).contains("taken as"));
 }
 

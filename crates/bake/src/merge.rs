@@ -91,7 +91,7 @@ pub(super) fn share_world(inputs: &mut [ImportedScene]) {
 }
 
 fn merge_provenance(a: Provenance, b: Provenance) -> Result<Provenance> {
-    if a.up != b.up {
+    if a.up != b.up && a.up_axis() != b.up_axis() {
         return Err(Error::invalid(
             "inputs",
             format!("files of different up axes ({:?}, {:?})", a.up, b.up),
@@ -106,7 +106,8 @@ fn merge_provenance(a: Provenance, b: Provenance) -> Result<Provenance> {
         generator: join(a.generator, b.generator),
         source: join(a.source, b.source),
         trainer: join(a.trainer, b.trainer),
-        up: a.up,
+        up: a.up.or(b.up),
+        usual_up: a.usual_up.filter(|usual| b.usual_up == Some(*usual)),
         placement: if a.placement == b.placement { a.placement } else { Placement::IDENTITY },
         viewpoint: a.viewpoint.or(b.viewpoint),
         backdrop_faces: 0,

@@ -33,8 +33,8 @@ pub(crate) mod up;
 pub struct PlaceOptions {
     /// Up direction of the input; the output is Y-up: auto, an axis (x -x y -y z -z) or any
     /// direction as in 0.02,-0.9,0.1. Auto: the direction of the cameras, corrected by the largest
-    /// level surface; without cameras that of the file, else -y (COLMAP and its trainers), y for
-    /// glTF.
+    /// level surface; without cameras that of the file, else y for a mesh, -y for a soup and for
+    /// Gaussians (COLMAP and its trainers).
     #[cfg_attr(feature = "cli", arg(long, default_value_t = PlaceOptions::DEFAULT.up, value_name = "UP", allow_hyphen_values = true))]
     #[schemars(with = "String")]
     pub up: UpChoice,
@@ -137,10 +137,10 @@ pub fn placement(
         (UpChoice::Given(up), _) => up,
         // glTF is Y-up, and so are files of an earlier bake.
         (UpChoice::Auto, Some(UpAxis::Y)) => UpAxis::Y.into(),
-        (UpChoice::Auto, said) => {
+        (UpChoice::Auto, _) => {
             details.estimate = up::estimate(scene, evidence);
             let usable = details.estimate.as_ref().filter(|e| e.confidence != Confidence::None);
-            usable.map_or(said.unwrap_or_default().into(), |e| {
+            usable.map_or(provenance.up_axis().into(), |e| {
                 UpDirection::near(DVec3::from(e.direction))
             })
         }

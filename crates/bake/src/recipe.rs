@@ -23,7 +23,7 @@ use super::viewpoint::ViewpointDetails;
 use super::views::Views;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Counts, Outcome, Report, StageDetails, StageObserver, StageProgress};
-use trisplat_scene::{Asset, ImportedScene, Placement, Result};
+use trisplat_scene::{Asset, ImportedScene, Placement, Result, UpAxis};
 use values::{FileFrame, LevelContext, LoadedScene, NormalSources, SceneCameras};
 
 /// A bake that is running: its options, and where it reports.
@@ -65,7 +65,7 @@ impl<'a> Recipe<'a> {
     ) -> Result<BakeOutcome> {
         // Load and cut.
         let is_merged = inputs.len() > 1;
-        let LoadedScene { scene, input_backdrop, mut pictures, up_is_unknown } =
+        let LoadedScene { scene, input_backdrop, mut pictures, assumed_up } =
             self.load(inputs, photos)?;
         let (scene, background) = self.background(scene, background, &pictures)?;
         let (scene, crop) = self.crop(scene, &pictures)?;
@@ -113,7 +113,7 @@ impl<'a> Recipe<'a> {
         let evidence = Evidence { cameras: &cameras.photos, points: pictures.points() };
         let (asset, frame, viewpoint) =
             self.package(mesh, provenance.clone(), evidence, normals, None)?;
-        self.warn_of_unknown_up(up_is_unknown && cameras.photos.is_empty());
+        self.warn_of_assumed_up(assumed_up.filter(|_| cameras.photos.is_empty()));
         let context = LevelContext { provenance, normals, frame };
         let levels = self.levels(&level_plan, &context, &cameras, pictures.any())?;
         let asset = self.finish(Asset { levels, ..asset }, collision, surroundings.sky, &frame)?;
@@ -141,11 +141,14 @@ impl<'a> Recipe<'a> {
     }
 
     /// The up axis of a mesh is a guess if neither its file nor an option nor photos give it.
-    fn warn_of_unknown_up(&mut self, is_unknown: bool) {
-        if is_unknown && self.options.place.up == PlaceOptions::DEFAULT.up {
-            let hint = "the file does not say what is up, taken as −y: `up` y if it lies on its head, z if it lies on its side";
-            self.report.warnings.push(hint.to_owned());
-        }
+    fn warn_of_assumed_up(&mut self, assumed: Option<UpAxis>) {
+        let Some(up) = assumed.filter(|_| self.options.place.up == PlaceOptions::DEFAULT.up) else {
+            return;
+        };
+        let [taken, head] = if up == UpAxis::Y { ["y", "-y"] } else { ["−y", "y"] };
+        self.report.warnings.push(format!(
+            "the file does not say what is up, taken as {taken}: `up` {head} if it lies on its head, z if it lies on its side"
+        ));
     }
 
     /// Adds the collider and the surroundings to the packaged scene, placed like it, and cuts it

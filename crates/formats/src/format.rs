@@ -4,8 +4,8 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
-use trisplat_scene::Error;
 use trisplat_scene::input::BYTE_ORDER_MARK;
+use trisplat_scene::{Error, excerpt};
 
 /// A format we read.
 #[derive(
@@ -124,7 +124,8 @@ pub(crate) const SPZ_EXTENSION: &str = "KHR_gaussian_splatting_compression_spz_2
 pub(crate) const SPZ: &str = "SPZ";
 pub(crate) const SPLAT: &str = ".splat";
 /// The names of formats that have none.
-pub(crate) const UNREAD: [&str; 2] = [".ksplat", "LCC"];
+pub(crate) const UNREAD: [&str; 5] =
+    [".ksplat", "LCC", ".splatv (which move in time)", ".spx", ".rad"];
 
 /// The refusal of a file of Gaussians where triangles are expected; `kind` is the usual name of the
 /// format.
@@ -158,6 +159,9 @@ pub(crate) fn recognise(head: &[u8], path: &Path) -> Option<&'static str> {
         ([b'N', b'G', b'S', b'P', ..], _) | ([0x1f, 0x8b, ..], "spz") => Some(SPZ),
         (_, "splat") if !other && !head.is_empty() => Some(SPLAT),
         (_, "ksplat") if !other && !head.is_empty() => Some(UNREAD[0]),
+        (_, "splatv") if !head.is_empty() => Some(UNREAD[2]),
+        (_, "spx") if !head.is_empty() => Some(UNREAD[3]),
+        (_, "rad") if !other && !head.is_empty() => Some(UNREAD[4]),
         // A JSON document beside its data.
         (_, "lcc") if !head.is_empty() => Some(UNREAD[1]),
         _ => None,
@@ -173,10 +177,40 @@ pub(crate) fn is_sog(entries: &[String]) -> bool {
 
 /// True for the tensors of a checkpoint of Gaussians: gsplat's, nerfstudio's.
 pub(crate) fn are_parameters(tensors: &[String]) -> bool {
-    let has = |names: [&str; 2]| {
+    let has = |names: &[&str]| {
         names.iter().any(|name| tensors.iter().any(|key| key.rsplit('.').next() == Some(name)))
     };
-    has(["quats", "_rotation"]) && has(["scales", "_scaling"])
+    has(&["quats", "_rotation", "scales", "_scaling", "opacities"])
+        && has(&["means", "means3D", "_xyz"])
+}
+
+/// The refusal of Gaussians in a checkpoint of PyTorch.
+pub(crate) fn gaussian_checkpoint(path: &Path) -> Error {
+    let reason = "holds 3D Gaussians as a checkpoint, which is not read; give the point_cloud.ply of the run, or export one \
+                  (nerfstudio: `ns-export gaussian-splat`)";
+    Error::unsupported(path, reason)
+}
+
+/// Names of extensions in drafts of [`GLTF_EXTENSION`], which was ratified with another layout.
+const DRAFTS: [&str; 4] = [
+    "KHR_spz_compression",
+    "KHR_spz_gaussian_splats_compression",
+    "KHR_gaussian_splatting_compression_spz",
+    "CESIUM_gaussian_splatting",
+];
+
+/// True for the name of an extension of a draft.
+pub(crate) fn is_draft(extension: &str) -> bool {
+    DRAFTS.contains(&extension)
+}
+
+/// The refusal of Gaussians in a draft of the extension; `sign` is what tells it.
+pub(crate) fn draft(path: &Path, sign: &str) -> Error {
+    let reason = format!(
+        "holds 3D Gaussians in a draft of {GLTF_EXTENSION} (with {sign}), which is not read; save them as PLY, SPZ or the ratified \
+         {GLTF_EXTENSION} with the program that wrote it"
+    );
+    Error::unsupported(path, reason)
 }
 
 // ---- JSON files that are neither scenes nor lists of photos, recognised for a helpful message
@@ -188,6 +222,9 @@ pub fn foreign_json(path: &Path, json: &[u8]) -> Option<Error> {
     if has(&["means", "quats", "scales"]) {
         return Some(unread(path, "SOG with missing files,"));
     }
+    if has(&["lodLevels", "filenames"]) {
+        return Some(streamed_sog(path, &json));
+    }
     if has(&["geometricError", "root"]) {
         let reason = "is a tileset (3D Tiles), a list of files with tiles: give one of the files it names, or what it was baked from";
         return Some(Error::unsupported(path, reason));
@@ -198,6 +235,23 @@ pub fn foreign_json(path: &Path, json: &[u8]) -> Option<Error> {
     is_old.then(|| {
         Error::unsupported(path, "is glTF 1.0: convert it to glTF 2.0, with Blender for example")
     })
+}
+
+/// The refusal of the list of a streamed SOG, which names its files of the finest level.
+fn streamed_sog(path: &Path, list: &Value) -> Error {
+    let all: Vec<&str> =
+        list["filenames"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    let finest: Vec<&str> = all.iter().copied().filter(|name| name.starts_with("0_")).collect();
+    let named = if finest.is_empty() { &all } else { &finest };
+    let names: Vec<String> = named.iter().take(3).map(|name| excerpt(name)).collect();
+    let more = named.len() - names.len();
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    let reason = format!(
+        "is the list of a streamed SOG, a scene in parts and levels of detail: give its whole in another format, or a part of its \
+         finest level: {}{more}",
+        names.join(", ")
+    );
+    Error::unsupported(path, reason)
 }
 
 #[cfg(test)]
@@ -264,6 +318,10 @@ mod gaussians_tests {
         let keys = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
         assert!(are_parameters(&keys(&["splats.means", "splats.quats", "splats.scales"])));
         assert!(are_parameters(&keys(&["_xyz", "_rotation", "_scaling"])));
+        assert!(are_parameters(&keys(&[
+            "p._model.gauss_params.means",
+            "p._model.gauss_params.opacities"
+        ])));
         assert!(!are_parameters(&keys(&["triangles_points", "sigma", "features_dc"])));
     }
 }

@@ -12,7 +12,7 @@ use trisplat_scene::{Error, Limits, Provenance, Result, UpAxis, excerpt, paralle
 
 /// Maximum length of a line, bytes: lines of meshes are far shorter, and a longer one means a
 /// broken file.
-const MAX_LINE_BYTES: u64 = 1 << 16;
+const MAX_LINE_BYTES: usize = 1 << 16;
 
 /// A text file, line by line.
 pub(super) struct LineReader<'a> {
@@ -36,16 +36,13 @@ impl<'a> LineReader<'a> {
     pub(super) fn advance(&mut self) -> Result<bool> {
         self.line.clear();
         loop {
-            let before = self.line.len() as u64;
-            let read =
-                (&mut self.reader).take(MAX_LINE_BYTES - before).read_until(b'\n', &mut self.line);
+            let read = self.read_line().map_err(|e| Error::io(self.path, e))?;
             self.number += 1;
-            let read = read.map_err(|e| Error::io(self.path, e))?;
-            if self.line.len() as u64 == MAX_LINE_BYTES && self.line.last() != Some(&b'\n') {
+            if self.line.len() >= MAX_LINE_BYTES && self.line.last() != Some(&b'\n') {
                 return Err(self.error("is longer than 64 KiB: not a mesh, or a broken one"));
             }
             let text = self.line.trim_ascii_end();
-            if read == 0 || text.last() != Some(&b'\\') || text.starts_with(b"#") {
+            if !read || text.last() != Some(&b'\\') || text.starts_with(b"#") {
                 break;
             }
             self.line.truncate(text.len() - 1);
@@ -58,6 +55,30 @@ impl<'a> LineReader<'a> {
             self.line = String::from_utf8_lossy(&self.line).into_owned().into_bytes();
         }
         Ok(!self.line.is_empty())
+    }
+
+    /// Appends a line and `\n` in place of its end, which may be `\n`, `\r\n` or the `\r` of old
+    /// programs; false at the end of the file.
+    fn read_line(&mut self) -> io::Result<bool> {
+        let before = self.line.len();
+        while self.line.len() < MAX_LINE_BYTES {
+            let bytes = self.reader.fill_buf()?;
+            let end = bytes.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
+            self.line.extend_from_slice(&bytes[..end.unwrap_or(bytes.len())]);
+            let Some(end) = end else {
+                let count = bytes.len();
+                self.reader.consume(count);
+                if count == 0 { break } else { continue }
+            };
+            let is_return = bytes[end] == b'\r';
+            self.reader.consume(end + 1);
+            if is_return && self.reader.fill_buf()?.first() == Some(&b'\n') {
+                self.reader.consume(1);
+            }
+            self.line.push(b'\n');
+            break;
+        }
+        Ok(self.line.len() > before)
     }
 
     /// Moves on to the next line with content other than white space and comments.
@@ -75,10 +96,12 @@ impl<'a> LineReader<'a> {
         std::str::from_utf8(&self.line).unwrap_or_default().trim()
     }
 
-    /// The words of the line up to a `#`.
+    /// The words of the line up to a `#`, other than that of `1.#QNAN`.
     pub(super) fn words(&self) -> impl Iterator<Item = &str> {
         let text = self.text();
-        text.split('#').next().unwrap_or_default().split_ascii_whitespace()
+        let mut signs = text.match_indices('#').map(|(at, _)| at);
+        let end = signs.find(|at| !text[..*at].ends_with("1."));
+        text[..end.unwrap_or(text.len())].split_ascii_whitespace()
     }
 
     /// The text after the first word, including inner spaces.
@@ -112,7 +135,22 @@ pub(super) fn as_utf8(source: &Source, limits: &Limits) -> Result<Source> {
 
 /// A word as a number, or a message about it.
 pub(super) fn number<T: FromStr>(word: &str) -> Result<T, String> {
-    word.parse().map_err(|_| format!("{:?} is not a number", excerpt(word)))
+    let parsed = word.parse().ok().or_else(|| not_finite(word)?.parse().ok());
+    parsed.ok_or_else(|| format!("{:?} is not a number", excerpt(word)))
+}
+
+/// The usual spelling of a number that is none, as C and its runtime libraries print it: `nan(ind)`,
+/// `-nan(0x400)`, `1.#QNAN`, `-1.#IND00`, `1.#INF`.
+pub(super) fn not_finite(word: &str) -> Option<&'static str> {
+    let word = word.trim_start_matches(['+', '-']).to_ascii_lowercase();
+    let printed = word.strip_prefix("1.#");
+    if word.starts_with("nan(") && word.ends_with(')')
+        || printed
+            .is_some_and(|kind| ["qnan", "snan", "ind"].iter().any(|name| kind.starts_with(name)))
+    {
+        return Some("nan");
+    }
+    printed.filter(|kind| kind.starts_with("inf")).map(|_| "inf")
 }
 
 // ---- Numbers as text, in as few digits as read back equal ---------------------------------------
@@ -237,6 +275,19 @@ fn up_axis(comment: &str) -> Option<UpAxis> {
     serde_json::from_value(axis.into()).ok()
 }
 
+/// The up axis that one of these programs of modelling or of reconstruction writes, each with its
+/// name in lower case; none if no comment names one.
+pub(super) fn up_of_program<'a>(
+    comments: impl Iterator<Item = &'a str>,
+    programs: &[(&str, UpAxis)],
+) -> Option<UpAxis> {
+    let named = |comment: &str| {
+        let comment = comment.to_lowercase();
+        programs.iter().find(|(name, _)| comment.contains(name)).map(|(_, up)| *up)
+    };
+    comments.into_iter().find_map(named)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -275,6 +326,7 @@ mod provenance_tests {
                 source: Some(format!("{source}\r\n{source}")),
                 trainer: None,
                 up: Some(UpAxis::NegY),
+                usual_up: None,
                 placement: Placement { up: UpAxis::Z.into(), rotate: -scale, scale, center },
                 viewpoint: Some(Viewpoint {
                     eye: [1.0, seed as f64 * 1e-7, -scale.sqrt()],

@@ -5,7 +5,7 @@ use crate::lines::{LineReader, as_utf8};
 use crate::{ReadOptions, Source};
 use glam::Vec2;
 use std::collections::{BTreeMap, HashMap};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use trisplat_scene::atlas::{PaintedFaces, Wrap, paint};
 use trisplat_scene::atomic::FileId;
@@ -15,6 +15,12 @@ use trisplat_scene::{Error, Limits, Result, Texture, excerpt, input};
 
 /// Maximum number of libraries of a file; each is read whole.
 const MAX_LIBRARIES: usize = 64;
+
+/// Maximum number of last parts of a path of another machine that are searched.
+const MAX_PARTS: usize = 8;
+
+/// Maximum number of entries of a folder that are searched for folders.
+const MAX_ENTRIES: usize = 256;
 
 /// Maximum number of materials that a warning names.
 const MAX_NAMED: usize = 8;
@@ -28,6 +34,25 @@ struct MtlMaterial {
     /// sRGB-encoded.
     color: Option<[f32; 3]>,
     picture: Option<MaterialPicture>,
+    /// `Ke`, the light that it emits, sRGB-encoded.
+    light: Option<[f32; 3]>,
+    /// `map_Ke`.
+    light_picture: Option<MaterialPicture>,
+    /// Its keyword and value of alpha, if it is not opaque.
+    alpha: Option<String>,
+}
+
+impl MtlMaterial {
+    /// The colour that is seen, and the picture that it multiplies: of a black surface, as of a
+    /// screen or a lamp, the light that it emits.
+    fn paint(&self) -> (Option<[f32; 3]>, Option<&MaterialPicture>) {
+        let light = self.light.filter(|light| light.iter().any(|channel| *channel > 0.0));
+        let is_black = self.color == Some([0.0; 3]) && self.picture.is_none();
+        if is_black && (light.is_some() || self.light_picture.is_some()) {
+            return (light.or(Some([1.0; 3])), self.light_picture.as_ref());
+        }
+        (self.color, self.picture.as_ref())
+    }
 }
 
 /// `map_Kd` with its options.
@@ -114,6 +139,7 @@ impl Materials {
         if !materials.iter().flatten().any(|material| **material != MtlMaterial::default()) {
             return false;
         }
+        warnings.extend(self.alpha_warning(&materials));
         let is_colored = matches!(&mesh.colors, Colors::Vertex(colors) if !colors.is_empty());
         let mut textures = MaterialTextures::default();
         let mut painted = Vec::new();
@@ -128,12 +154,13 @@ impl Materials {
             let number = run[0] as usize;
             end += run.len();
             let Some(Some(material)) = materials.get(number) else { continue };
-            let color = material.color.unwrap_or([1.0; 3]);
+            let (color, picture_of) = material.paint();
+            let color = color.unwrap_or([1.0; 3]);
             let light = color.map(|c| linear_from_srgb(c.clamp(0.0, 1.0)));
             if !is_colored {
                 colors[faces.clone()].fill(light);
             }
-            let Some(stored) = &material.picture else { continue };
+            let Some(stored) = picture_of else { continue };
             let image = textures.number(path, &stored.name, options);
             let texture = textures.textures.entry(image).or_insert_with(|| {
                 let read = if uvs.is_empty() {
@@ -152,7 +179,13 @@ impl Materials {
             // Many programs write black beside a picture, and draw the picture alone.
             colors[faces.clone()].fill(if color == [0.0; 3] { [1.0; 3] } else { light });
             let uvs = uvs[faces.clone()].iter().map(|uvs| uvs.map(|uv| stored.place(uv))).collect();
-            painted.push(PaintedFaces { image, faces, uvs, wrap: [stored.wrap; 2] });
+            painted.push(PaintedFaces {
+                image,
+                faces,
+                uvs,
+                wrap: [stored.wrap; 2],
+                filter: Default::default(),
+            });
         }
         if !is_colored || !painted.is_empty() {
             warnings.extend(has_colors(mesh).then(|| OVER_COLORS.to_owned()));
@@ -160,6 +193,21 @@ impl Materials {
         }
         warnings.extend(paint(mesh, painted, &textures.textures));
         true
+    }
+
+    /// The warning about materials with alpha, which is not read.
+    fn alpha_warning(&self, materials: &[Option<&MtlMaterial>]) -> Option<String> {
+        let of_name = |(name, material): (&String, &Option<&MtlMaterial>)| {
+            let alpha = material.as_ref()?.alpha.as_ref()?;
+            Some(format!("{} ({alpha})", excerpt(name)))
+        };
+        let named: Vec<String> = self.names.iter().zip(materials).filter_map(of_name).collect();
+        (!named.is_empty()).then(|| {
+            format!(
+                "the alpha of materials is not read, their triangles are drawn whole: {}",
+                list(&named)
+            )
+        })
     }
 
     /// The material of each name that faces use, or of a name that differs in case only; a warning
@@ -181,13 +229,10 @@ impl Materials {
         let missing = self.names.iter().zip(&materials).filter(|(_, material)| material.is_none());
         let missing: Vec<&str> = missing.map(|(name, _)| name.as_str()).collect();
         if !libraries.is_empty() && !missing.is_empty() {
-            let names: Vec<String> =
-                missing.iter().take(MAX_NAMED).map(|name| excerpt(name)).collect();
-            let more = missing.len().saturating_sub(MAX_NAMED);
-            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            let names: Vec<String> = missing.iter().map(|name| excerpt(name)).collect();
             warnings.push(format!(
-                "materials that no library has, their triangles are white: {}{more}",
-                names.join(", ")
+                "materials that no library has, their triangles are white: {}",
+                list(&names)
             ));
         }
         materials
@@ -211,6 +256,13 @@ impl Materials {
         }
         materials
     }
+}
+
+/// Names for a message: the first ones, and how many there are more.
+fn list(names: &[String]) -> String {
+    let more = names.len().saturating_sub(MAX_NAMED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    format!("{}{more}", names[..names.len().min(MAX_NAMED)].join(", "))
 }
 
 /// The pictures of materials, each read once, however many materials name it and by whichever
@@ -252,7 +304,7 @@ pub fn named_files(source: &Source, limits: &Limits) -> Result<Vec<PathBuf>> {
     }
     let mut files = Vec::new();
     for name in &materials.libraries {
-        let library = resolve(&source.path, name, &options)?;
+        let Ok(library) = resolve(&source.path, name, &options) else { continue };
         // One that cannot be read names nothing.
         let pictures = pictures(&library, &options).unwrap_or_default();
         files.push(library);
@@ -277,7 +329,8 @@ fn pictures(library: &Path, options: &ReadOptions) -> Result<Vec<String>> {
 }
 
 /// Resolve the path of a file that the OBJ or PLY at `path` names, or of one whose name differs in
-/// case only. A missing file, such as `C:\wall.png` of another machine, is searched beside it.
+/// case only. A missing file, such as `C:\maps\wall.png` of another machine, is searched beside it by
+/// the end of its path.
 pub(crate) fn resolve(path: &Path, name: &str, options: &ReadOptions) -> Result<PathBuf> {
     let refuse = |why: &str| Err(Error::unsupported(path, format!("it names {name:?}, {why}")));
     if path.as_os_str() == "-" {
@@ -287,19 +340,42 @@ pub(crate) fn resolve(path: &Path, name: &str, options: &ReadOptions) -> Result<
     let relative = PathBuf::from(unquoted(name).replace('\\', "/"));
     let folder = path.parent().unwrap_or(Path::new(""));
     let outside = relative.is_absolute() || name.contains(':') || input::leaves_folder(&relative);
-    let refused = outside && !options.allow_outside;
-    let there = in_any_case(folder, &relative);
-    if !refused && there.is_file() {
-        return Ok(there);
-    }
-    let own = relative.file_name().map(|name| in_any_case(folder, Path::new(name)));
-    match own.filter(|own| own.is_file()) {
-        Some(own) => Ok(own),
-        None if refused => {
-            refuse("outside the folder of the file; if that is right, give `allow_outside`")
+    if !outside || options.allow_outside {
+        let there = in_any_case(folder, &relative);
+        if there.is_file() {
+            return Ok(there);
         }
-        None => Ok(there),
     }
+    if let Some(file) = by_end(folder, &relative) {
+        return Ok(file);
+    }
+    let is_elsewhere = cfg!(not(windows)) && name.contains([':', '\\']);
+    match (outside, options.allow_outside || is_elsewhere) {
+        (true, true) => {
+            refuse("which is not there and not beside the file; copy it beside the file")
+        }
+        (true, false) => refuse(
+            "outside the folder of the file; copy it beside the file, or give `allow_outside`",
+        ),
+        (false, _) => Ok(in_any_case(folder, &relative)),
+    }
+}
+
+/// The file in `folder` with the longest end of the path `relative`, in any case; else the only one
+/// of its name in a folder there.
+fn by_end(folder: &Path, relative: &Path) -> Option<PathBuf> {
+    let is_name = |part: &Component| matches!(part, Component::Normal(_));
+    let parts: Vec<Component> = relative.components().filter(is_name).collect();
+    let ends = (parts.len().saturating_sub(MAX_PARTS)..parts.len())
+        .map(|first| parts[first..].iter().collect::<PathBuf>());
+    let own = ends.map(|end| in_any_case(folder, &end)).find(|file| file.is_file());
+    own.or_else(|| {
+        let name = Path::new(relative.file_name()?);
+        let folders = input::entries(folder).take(MAX_ENTRIES).filter(|entry| entry.is_dir());
+        let inside = folders.map(|inner| in_any_case(&inner, name)).filter(|file| file.is_file());
+        let found: Vec<PathBuf> = inside.take(2).collect();
+        <[PathBuf; 1]>::try_from(found).ok().map(|[only]| only)
+    })
 }
 
 /// The path of `relative` in `folder`, with the case that its parts have on disk where they exist
@@ -358,17 +434,21 @@ fn library(
         let Some(material) = name.as_ref().and_then(|name| materials.get_mut(name)) else {
             continue;
         };
-        match keyword {
-            "Kd" => {
-                let numbers: Vec<f32> = words
-                    .filter_map(|word| word.parse().ok())
-                    .filter(|x: &f32| x.is_finite())
-                    .collect();
-                material.color = numbers.try_into().ok();
+        let finite = words.filter_map(|word| word.parse().ok()).filter(|x: &f32| x.is_finite());
+        let numbers: Vec<f32> = finite.collect();
+        match keyword.to_ascii_lowercase().as_str() {
+            "kd" => material.color = numbers.try_into().ok(),
+            "ke" => material.light = numbers.try_into().ok(),
+            "map_kd" => material.picture = Some(parse_picture(rest)),
+            "map_ke" => material.light_picture = Some(parse_picture(rest)),
+            // Its letter o is `-halo`, whose number is no alpha.
+            "d" if numbers.first().is_some_and(|alpha| *alpha < 1.0) => {
+                material.alpha.get_or_insert(format!("d {}", numbers[0]));
             }
-            _ if keyword.eq_ignore_ascii_case("map_Kd") => {
-                material.picture = Some(parse_picture(rest))
+            "tr" if numbers.first().is_some_and(|part| *part > 0.0 && *part < 1.0) => {
+                material.alpha.get_or_insert(format!("Tr {}", numbers[0]));
             }
+            "map_d" | "map_opacity" | "map_tr" => material.alpha = Some(excerpt(keyword)),
             _ => {}
         }
     }

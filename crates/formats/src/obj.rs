@@ -17,7 +17,7 @@ use trisplat_scene::math::color::{
     linear_from_srgb, linear_of_srgb8, srgb_from_linear, srgb8_from_linear,
 };
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{Asset, Error, FaceTexture, ImportedScene, Result, Scene, excerpt};
+use trisplat_scene::{Asset, Error, FaceTexture, ImportedScene, Result, Scene, UpAxis, excerpt};
 
 pub use crate::mtl::named_files;
 
@@ -58,12 +58,23 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     }
     let mut warnings = Vec::new();
     let comments = draft.comments.iter().map(String::as_str);
-    let provenance = lines::from_comments(comments, &mut warnings);
+    let mut provenance = lines::from_comments(comments.clone(), &mut warnings);
+    provenance.up = provenance.up.or_else(|| lines::up_of_program(comments, &PROGRAMS));
+    provenance.usual_up = provenance.up.is_none().then_some(UpAxis::Y);
     let (mesh, origin) = draft.mesh(path, options, &mut warnings)?;
     let loaded =
         ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
     finish(path, loaded, origin)
 }
+
+/// Programs that turn their scenes y up for this format.
+const PROGRAMS: [(&str, UpAxis); 5] = [
+    ("blender", UpAxis::Y),
+    ("3ds max", UpAxis::Y),
+    ("maya", UpAxis::Y),
+    ("cinema 4d", UpAxis::Y),
+    ("zbrush", UpAxis::Y),
+];
 
 /// A mesh during reading.
 #[derive(Default)]

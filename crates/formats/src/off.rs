@@ -18,7 +18,9 @@ use glam::DVec3;
 use std::path::{Path, PathBuf};
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene, excerpt, input};
+use trisplat_scene::{
+    Error, ImportedScene, Limits, Provenance, Result, Scene, UpAxis, excerpt, input,
+};
 
 /// Minimum bytes of the line of a vertex: `0 0 0`.
 const MIN_VERTEX_BYTES: u64 = 6;
@@ -75,8 +77,11 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
         mesh.colors = Colors::Face(triangles.repeat(colors));
         mesh.opacity = if alpha.is_empty() { alpha } else { triangles.repeat(alpha) };
     }
+    // Vertices of triangles of their own are those of a soup, which the authors' script wrote.
+    let is_soup = triangles.indices.iter().copied().eq(0..mesh.positions.len() as u32);
     mesh.indices = triangles.indices;
-    let provenance = Provenance::default();
+    let usual_up = (!is_soup).then_some(UpAxis::Y);
+    let provenance = Provenance { usual_up, ..Provenance::default() };
     let loaded =
         ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
     finish(&source.path, loaded, origin)

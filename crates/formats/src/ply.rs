@@ -1,6 +1,7 @@
 //! PLY: our soup PLY, and triangle meshes with vertex or face colours.
 
 use crate::finish::finish;
+use crate::splats::kinds;
 use crate::{ReadOptions, Source, format, lines};
 use glam::DVec3;
 pub use header::Column;
@@ -9,7 +10,7 @@ pub use mesh::write_mesh;
 pub use soup::{SoupWriter, write_soup};
 use std::path::Path;
 pub use table::points;
-use trisplat_scene::{Error, ImportedScene, ImportedSplats, Result, Scene};
+use trisplat_scene::{Error, ImportedScene, ImportedSplats, Result, Scene, UpAxis};
 
 pub mod header;
 mod mesh;
@@ -17,6 +18,18 @@ mod soup;
 mod splats;
 mod table;
 mod transcode;
+
+/// A program that writes this format with its own up axis.
+const MODELLING: [(&str, UpAxis); 1] = [("blender", UpAxis::Z)];
+/// Programs that leave meshes in the frame of their cameras, COLMAP's as a rule.
+const RECONSTRUCTION: [(&str, UpAxis); 4] = [
+    ("open3d", UpAxis::NegY),
+    ("colmap", UpAxis::NegY),
+    ("openmvs", UpAxis::NegY),
+    ("poisson", UpAxis::NegY),
+];
+/// Beginning of the names that COLMAP gives its meshes.
+const MESHED: &[u8] = b"meshed-";
 
 /// The scene in a PLY file: a soup when its faces have a `sigma`, else a mesh with its sRGB colours
 /// made linear, alpha (of a face, or the least of its corners) as opacity, and polygons as
@@ -33,7 +46,14 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     let is_soup = soup::is_soup(faces(path, &header)?);
     let mut warnings = Vec::new();
     let comments = header.comments.iter().map(String::as_str);
-    let provenance = lines::from_comments(comments, &mut warnings);
+    let mut provenance = lines::from_comments(comments.clone(), &mut warnings);
+    if !is_soup && provenance.up.is_none() {
+        let is_colmap =
+            path.file_stem().is_some_and(|name| name.as_encoded_bytes().starts_with(MESHED));
+        let by_program = lines::up_of_program(comments.clone(), &RECONSTRUCTION);
+        provenance.usual_up = (!is_colmap).then_some(by_program.unwrap_or(UpAxis::Y));
+        provenance.up = lines::up_of_program(comments, &MODELLING);
+    }
     // Faces of a soup are triangles, because each has one opacity and one σ.
     let names = ["vertex", "face", soup::view_name(&header)];
     let [vertices, faces, views] = table::open(&source, &header, names, !is_soup, &options.limits)?;
@@ -81,6 +101,15 @@ pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<Imported
     let mut warnings = Vec::new();
     let comments = header.comments.iter().map(String::as_str);
     let provenance = lines::from_comments(comments, &mut warnings);
+    if let Some(vertices) = header.element("vertex") {
+        let elements: Vec<&str> = header.elements.iter().map(|one| one.name.as_str()).collect();
+        let columns = vertices.columns();
+        if let Some(error) = kinds::refusal(&source.path, &elements, &columns) {
+            return Err(error);
+        }
+        let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
+        warnings.extend(kinds::warnings(&source.path, &names));
+    }
     let packed = header.element("vertex").is_some_and(|vertices| vertices.has("packed_position"));
     let (splats, origin) = if packed {
         (splats::read_packed(&source, &header, options)?, DVec3::ZERO)

@@ -30,8 +30,9 @@ use crate::{ReadOptions, Source, format};
 use bytemuck::Pod;
 use glam::{DVec3, Vec3};
 use pytorch_reader::{DType, PickleValue, PytorchError, PytorchReader};
+use std::borrow::Cow;
 use std::fs::File;
-use std::io::{self, Seek, SeekFrom};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 use trisplat_scene::math::color::linear_from_srgb;
@@ -215,7 +216,13 @@ impl TorchFile {
         } else {
             (label.clone(), None)
         };
-        let tensors = PytorchReader::new(&file).map_err(|e| torch_error(&label, e))?;
+        let tensors =
+            PytorchReader::new(&file).map_err(|e| {
+                match PytorchReader::read_pickle_data(&file, None) {
+                    Ok(PickleValue::Dict(_)) | Err(_) => torch_error(&label, e),
+                    Ok(_) => unnamed_state(&label, &file),
+                }
+            })?;
         Ok(Self { label, file, _copy: copy, bytes: source.len, tensors, limits })
     }
 
@@ -228,7 +235,7 @@ impl TorchFile {
             let mut keys = self.tensors.keys();
             keys.sort();
             if format::are_parameters(&keys) {
-                return format::unread(&self.label, "a checkpoint");
+                return format::gaussian_checkpoint(&self.label);
             }
             keys.truncate(12);
             Error::unsupported(
@@ -343,6 +350,37 @@ fn check_archive(source: &mut Source) -> Result<()> {
     }
     source.rewind()
 }
+
+/// The error of a checkpoint without names at `file`: 3DGS and its successors save the state of a
+/// training as a tuple of tensors (`chkpnt30000.pth`). `label` is its name for the user.
+fn unnamed_state(label: &Path, file: &Path) -> Error {
+    let pickle = pickle_bytes(file).unwrap_or_default();
+    let has = |codes: &[u8]| pickle.windows(codes.len()).any(|window| window == codes);
+    if has(QUATERNIONS) {
+        return format::gaussian_checkpoint(label);
+    }
+    let reason = if has(TRIANGLES) {
+        "is the state of a training; give point_cloud_state_dict.pt of the same run"
+    } else {
+        "is a checkpoint without names, such as the state of a training; give point_cloud_state_dict.pt of a triangle splatting run"
+    };
+    Error::unsupported(label, reason)
+}
+
+/// The bytes of `data.pkl` in the checkpoint at `file`, which the parser has read before.
+fn pickle_bytes(file: &Path) -> Option<Vec<u8>> {
+    let mut archive = zip::ZipArchive::new(File::open(file).ok()?).ok()?;
+    let names: Vec<String> = archive.file_names().flatten().map(Cow::into_owned).collect();
+    let name = names.iter().find(|name| name.ends_with("data.pkl"))?;
+    let mut bytes = Vec::new();
+    archive.by_name(name).ok()?.take(MAX_PICKLE_BYTES).read_to_end(&mut bytes).ok()?;
+    Some(bytes)
+}
+
+/// Codes of a pickle for the end of the shape [N, 4].
+const QUATERNIONS: &[u8] = b"K\x04\x86";
+/// Codes of a pickle for the end of the shape [N, 3, 3].
+const TRIANGLES: &[u8] = b"K\x03K\x03\x87";
 
 /// Kind of an archive with entries of these names, if it is no checkpoint.
 fn other_archive(names: &[String]) -> &'static str {

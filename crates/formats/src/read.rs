@@ -35,6 +35,14 @@ pub(super) fn detect(source: &mut Source) -> Result<Format> {
             format!("is a photo ({kind}), and no scene: `trisplat make` makes a scene of photos");
         return Err(Error::unsupported(&source.path, reason));
     }
+    if head.get(8..).is_some_and(|rest| rest.starts_with(SAFETENSORS)) {
+        let reason = format!(
+            "is a checkpoint (safetensors), and no scene; of a training of this program, `trisplat train PHOTOS --resume {} -o scene.ply` \
+             makes one of it",
+            source.path.display()
+        );
+        return Err(Error::unsupported(&source.path, reason));
+    }
     let fault = if head.is_empty() {
         "is empty".to_owned()
     } else if let Some(format) = Format::by_extension(&named) {
@@ -98,6 +106,9 @@ pub(super) fn read_as(
         Format::Glb | Format::Gltf | Format::Html => gltf::read(source, options),
     })
 }
+
+/// Beginning of a safetensors file with metadata, behind the length of its header.
+const SAFETENSORS: &[u8] = b"{\"__metadata__\"";
 
 /// The kind of a photo that begins with `head`.
 fn photo(head: &[u8]) -> Option<&'static str> {

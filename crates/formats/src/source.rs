@@ -1,5 +1,6 @@
 //! A file to read: opened once, seekable, of known length.
 
+use crate::format::foreign_json;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -43,7 +44,11 @@ impl Source {
         if is_packed(path) {
             (file, len) = unpack_gzip(path, file, len, limits)?;
         }
-        Ok(Self { path: path.to_owned(), file: Arc::new(file), len })
+        let mut source = Self { path: path.to_owned(), file: Arc::new(file), len };
+        if input::is_lfs_pointer(&source.head()?) {
+            return Err(Error::unsupported(path, LFS_POINTER));
+        }
+        Ok(source)
     }
 
     /// Its name without the ending of a compressed file.
@@ -71,6 +76,10 @@ impl Source {
     }
 }
 
+/// Reason why a file of a clone without git-lfs is not read.
+pub(crate) const LFS_POINTER: &str =
+    "is a pointer of git-lfs, not the file; run `git lfs pull` in its repository";
+
 /// The error for a folder in place of a file.
 fn folder_error(path: &Path) -> Error {
     let reason = if path.join("scene.ply").is_file() && path.join("photos").is_dir() {
@@ -78,11 +87,18 @@ fn folder_error(path: &Path) -> Error {
             "is a folder of `trisplat make`: its scene is {0}/scene.ply, its data set {0}/photos",
             path.display()
         )
+    } else if path.join(STREAMED_LIST).is_file() {
+        let list = path.join(STREAMED_LIST);
+        return foreign_json(&list, &input::read(&list, &Limits::DEFAULT).unwrap_or_default())
+            .unwrap_or_else(|| Error::unsupported(path, "is a folder of a streamed SOG"));
     } else {
         format!("is a folder; give {ACCEPTED}; `trisplat make` makes a scene of photos")
     };
     Error::unsupported(path, reason)
 }
+
+/// Name of the list of a streamed SOG.
+const STREAMED_LIST: &str = "lod-meta.json";
 
 /// The folder of an unzipped SOG that is given by itself or by its `meta.json`.
 pub fn unzipped_sog(path: &Path) -> Option<PathBuf> {

@@ -12,6 +12,7 @@ use trisplat_scene::report::counted;
 use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, SH_C0, Splats, sh_count};
 
 pub(crate) mod cameras;
+pub(crate) mod kinds;
 pub(crate) mod sog;
 pub(crate) mod spz;
 

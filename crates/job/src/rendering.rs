@@ -271,6 +271,7 @@ fn orbit_cameras(
     count: u32,
 ) -> Result<Vec<(String, Camera)>> {
     let Provenance { placement, up, viewpoint, .. } = &loaded.provenance;
+    let usual = loaded.provenance.up_axis();
     let origin = dataset.map_or(DVec3::ZERO, |dataset| dataset.origin);
     let cameras: Vec<Camera> = match dataset {
         Some(dataset) => {
@@ -283,7 +284,7 @@ fn orbit_cameras(
         _ => UVec2::new(job.width, (job.width * 3 / 4).max(1)),
     };
     // A file that names its up axis knows it better than the photos do.
-    let axis = up.unwrap_or_default().vector().as_vec3();
+    let axis = usual.vector().as_vec3();
     let up = if *up == Some(UpAxis::Y) { axis } else { mean_up(&cameras, axis) };
     let enclosure = SceneEnclosure::of(&loaded.scene, &loaded.provenance);
     let stored = viewpoint.filter(|_| dataset.is_none());

@@ -426,6 +426,9 @@ pub struct Provenance {
     /// The up axis of *this file*, if the file names one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub up: Option<UpAxis>,
+    /// The up axis that files of its format usually have, for a file that names none; not stored.
+    #[serde(skip)]
+    pub usual_up: Option<UpAxis>,
     /// The placement from the source's world to this file.
     #[serde(default)]
     pub placement: Placement,
@@ -448,6 +451,11 @@ pub struct Provenance {
 }
 
 impl Provenance {
+    /// The up axis that the file names, or the usual one: −y unless its format has another.
+    pub fn up_axis(&self) -> UpAxis {
+        self.up.or(self.usual_up).unwrap_or_default()
+    }
+
     /// The same without viewpoint and cameras, for a part that is not viewed alone.
     pub fn without_views(self) -> Self {
         Self { viewpoint: None, cameras: Vec::new(), ..self }

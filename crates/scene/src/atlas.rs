@@ -9,7 +9,7 @@ use crate::image::RgbImage;
 use crate::math::color::{linear_of_srgb8, srgb8_from_linear};
 use crate::mesh::{Colors, Mesh};
 use crate::report::counted;
-use crate::{FaceTexture, Texture, pack_rectangles, parallel};
+use crate::{FaceTexture, TexelFilter, Texture, TextureStyle, pack_rectangles, parallel};
 use glam::{UVec2, Vec2};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -60,6 +60,8 @@ pub struct PaintedFaces {
     pub uvs: Vec<[Vec2; 3]>,
     /// Along u and v.
     pub wrap: [Wrap; 2],
+    /// The filter of the picture.
+    pub filter: TexelFilter,
 }
 
 impl Wrap {
@@ -99,8 +101,16 @@ pub fn paint(
     textures: &BTreeMap<usize, Option<Arc<Texture>>>,
 ) -> Vec<String> {
     let mut draft = AtlasDraft::default();
+    let mut filtered: BTreeMap<(usize, TexelFilter), Arc<Texture>> = BTreeMap::new();
     for part in &parts {
         if let Some(Some(texture)) = textures.get(&part.image) {
+            let texture = filtered.entry((part.image, part.filter)).or_insert_with(|| {
+                let style = TextureStyle { filter: part.filter, ..texture.style };
+                if style == texture.style {
+                    return texture.clone();
+                }
+                Arc::new(Texture::clone(texture).with_style(style))
+            });
             draft.add_plain(mesh, part.faces.start);
             draft.add(mesh, part, texture);
         }
@@ -119,7 +129,7 @@ struct AtlasDraft {
     faces: Vec<(FaceSource, [Vec2; 3])>,
     pages: Vec<Arc<Texture>>,
     /// Page number of each picture and tint.
-    page_numbers: BTreeMap<(usize, [u8; 3]), u16>,
+    page_numbers: BTreeMap<(usize, TexelFilter, [u8; 3]), u16>,
     tinted_texels: u64,
     patches: Vec<AtlasPatch>,
     patch_numbers: BTreeMap<PatchKey, u32>,
@@ -128,7 +138,7 @@ struct AtlasDraft {
 }
 
 /// The picture and how it goes on, the tints, and the part of the picture.
-type PatchKey = (Option<(usize, [Wrap; 2])>, Tints, [u32; 4]);
+type PatchKey = (Option<(usize, [Wrap; 2], TexelFilter)>, Tints, [u32; 4]);
 
 #[derive(Clone, Copy)]
 enum FaceSource {
@@ -188,7 +198,8 @@ impl AtlasDraft {
 
     /// Number of the page of a picture in a tint; none if it would be one too many.
     fn page(&mut self, image: usize, tint: [u8; 3], texture: &Arc<Texture>) -> Option<u16> {
-        if let Some(number) = self.page_numbers.get(&(image, tint)) {
+        let key = (image, texture.style.filter, tint);
+        if let Some(number) = self.page_numbers.get(&key) {
             return Some(*number);
         }
         let texels = u64::from(texture.size().element_product());
@@ -205,11 +216,12 @@ impl AtlasDraft {
             let tint = linear(tint);
             let rgb =
                 parallel::collect(picture.rgb.len(), 1 << 13, |i| product(picture.rgb[i], tint));
-            page = Arc::new(Texture::new(RgbImage { size: picture.size, rgb, alpha: None }));
+            let picture = RgbImage { size: picture.size, rgb, alpha: None };
+            page = Arc::new(Texture::new(picture).with_style(texture.style));
         }
         let number = self.pages.len() as u16;
         self.pages.push(page);
-        self.page_numbers.insert((image, tint), number);
+        self.page_numbers.insert(key, number);
         Some(number)
     }
 
@@ -237,7 +249,7 @@ impl AtlasDraft {
         let low = uvs[0].min(uvs[1]).min(uvs[2]);
         let high = uvs[0].max(uvs[1]).max(uvs[2]);
         let key = (
-            of.map(|(part, _)| (part.image, part.wrap)),
+            of.map(|(part, _)| (part.image, part.wrap, part.filter)),
             tints,
             [low.x, low.y, high.x, high.y].map(f32::to_bits),
         );
@@ -273,7 +285,8 @@ impl AtlasDraft {
             };
             notes.extend(self.coarseness_note(&frames));
             let page = draw_atlas(&self.patches, &frames, size, &places);
-            self.pages.push(Arc::new(Texture::new(page)));
+            let style = self.atlas_style();
+            self.pages.push(Arc::new(Texture::new(page).with_style(style)));
             patch_places = frames.into_iter().zip(places).collect();
         }
         let size = self.pages.last().map_or(Vec2::ONE, |page| page.size().as_vec2());
@@ -300,6 +313,14 @@ impl AtlasDraft {
             Colors::Face(parallel::collect(mesh.face_count(), 1, |face| texture.mean(face)));
         mesh.texture = Some(texture);
         notes
+    }
+
+    /// The style of all pictures in the atlas; the default one where they differ.
+    fn atlas_style(&self) -> TextureStyle {
+        let mut styles =
+            self.patches.iter().filter_map(|patch| Some(patch.picture.as_ref()?.0.style));
+        let first = styles.next().unwrap_or_default();
+        if styles.all(|style| style == first) { first } else { TextureStyle::default() }
     }
 
     /// The texels of all patches, at the finest level that fits, the size of the atlas, and the

@@ -67,7 +67,14 @@ impl AtomicFile {
             let reason = "is a link that leads to itself; remove it, or give another name";
             return Err(Error::unsupported(path, reason));
         } else {
-            Destination::Temporary(Temporary::create(&target).map_err(io)?)
+            // Folders of the system, such as /proc, are there and take nothing.
+            let refused = |e: io::Error| match e.kind() {
+                io::ErrorKind::NotFound if folder_of(path).is_dir() => {
+                    Error::unsupported(path, "its folder takes no files; write it into another")
+                }
+                _ => io(e),
+            };
+            Destination::Temporary(Temporary::create(&target).map_err(refused)?)
         };
         Ok(Self { path: path.to_owned(), bytes: 0, to })
     }

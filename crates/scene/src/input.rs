@@ -39,6 +39,14 @@ pub fn open(path: &Path, limits: &Limits) -> Result<(File, u64)> {
     Ok((file, meta.len()))
 }
 
+/// Beginning of the text that git leaves in place of a file of a clone without git-lfs.
+const LFS_POINTER: &[u8] = b"version https://git-lfs";
+
+/// True when a file that begins with `head` is a pointer of git-lfs.
+pub fn is_lfs_pointer(head: &[u8]) -> bool {
+    head.starts_with(LFS_POINTER)
+}
+
 /// Copies a stream to a temporary file; returns it at byte 0, and its length. `path` is for
 /// messages.
 pub fn spool(path: &Path, from: &mut dyn Read, limits: &Limits) -> Result<(File, u64)> {

@@ -49,4 +49,6 @@ pub use rng::Rng;
 pub use scene::{ImportedScene, Scene};
 pub use soup::{SH_C0, Soup, rgb_from_sh0, sh_count, sh0_from_rgb};
 pub use splats::{ScreenFilter, Splats};
-pub use texture::{FaceTexture, StoredPicture, Texture, pack_rectangles};
+pub use texture::{
+    FaceTexture, StoredPicture, TexelFilter, Texture, TextureStyle, pack_rectangles,
+};

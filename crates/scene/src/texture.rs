@@ -58,6 +58,13 @@ impl FaceTexture {
         Self { uvs, pages: self.pages.clone(), page_of }.without_unused_pages()
     }
 
+    /// The style of all pages; the default one where they differ.
+    pub fn style(&self) -> TextureStyle {
+        let first = self.pages[0].style;
+        let is_common = self.pages.iter().all(|page| page.style == first);
+        if is_common { first } else { TextureStyle::default() }
+    }
+
     fn without_unused_pages(mut self) -> Self {
         let mut used = vec![false; self.pages.len()];
         for page in &self.page_of {
@@ -175,7 +182,8 @@ impl FaceTexture {
             row.iter().chain(rest).take(size.x as usize).copied().collect::<Vec<_>>()
         };
         let rgb = parallel::map(0..size.y, row).concat();
-        let page = Texture::new(RgbImage { size, rgb, alpha: None });
+        let picture = RgbImage { size, rgb, alpha: None };
+        let page = Texture::new(picture).with_style(self.style());
         let moved = |(face, uvs): (usize, &[Vec2; 3])| {
             let (_, scale, top) = pages[self.page(face)];
             uvs.map(|uv| uv * scale + top)
@@ -207,12 +215,35 @@ impl FaceTexture {
 pub struct Texture {
     levels: Vec<RgbImage>,
     stored: Option<StoredPicture>,
+    /// How it is drawn and written.
+    pub style: TextureStyle,
+}
+
+/// How a picture is filtered and stored.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct TextureStyle {
+    /// The filter by which it is drawn.
+    pub filter: TexelFilter,
+    /// True when its file is exact, and it stays so when it is written.
+    pub is_exact: bool,
+}
+
+/// Filter of a picture.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum TexelFilter {
+    /// Between the four nearest texels of the two nearest levels.
+    #[default]
+    Linear,
+    /// The nearest texel of the picture, as of pixel art and palettes.
+    Nearest,
+    /// The nearest texel of the nearest level.
+    NearestOfLevel,
 }
 
 /// Equal pixels, whatever the format in a file.
 impl PartialEq for Texture {
     fn eq(&self, other: &Self) -> bool {
-        self.picture() == other.picture()
+        self.picture() == other.picture() && self.style.filter == other.style.filter
     }
 }
 
@@ -233,7 +264,7 @@ impl Texture {
         while let Some(finest) = levels.last().filter(|level| level.size.max_element() > 1) {
             levels.push(halved(finest));
         }
-        Self { levels, stored: None }
+        Self { levels, stored: None, style: TextureStyle::default() }
     }
 
     /// The texture of a picture that a file holds as `bytes`; `place` is for messages.
@@ -245,7 +276,15 @@ impl Texture {
         let format =
             image::guess_format(bytes).map_or_else(|_| "?".to_owned(), |f| format!("{f:?}"));
         let stored = StoredPicture { format: format.to_uppercase(), bytes: bytes.len() as u64 };
-        Ok(Self { stored: Some(stored), ..Self::new(RgbImage::from_bytes(place, bytes, limits)?) })
+        let is_exact = stored.format == "PNG";
+        let style = TextureStyle { is_exact, ..TextureStyle::default() };
+        let picture = RgbImage::from_bytes(place, bytes, limits)?;
+        Ok(Self { stored: Some(stored), style, ..Self::new(picture) })
+    }
+
+    /// The same in another style.
+    pub fn with_style(self, style: TextureStyle) -> Self {
+        Self { style, ..self }
     }
 
     /// Format and size in the file that it was read from; `None` for a new picture.
@@ -279,6 +318,11 @@ impl Texture {
     /// repeated.
     pub fn sample(&self, uv: Vec2, level: f32) -> [f32; 3] {
         let level = if level > 0.0 { level.min((self.levels.len() - 1) as f32) } else { 0.0 };
+        match self.style.filter {
+            TexelFilter::Linear => {}
+            TexelFilter::Nearest => return self.nearest(0, uv),
+            TexelFilter::NearestOfLevel => return self.nearest(level.round() as usize, uv),
+        }
         let finer = level as usize;
         let part = level.fract();
         let near = self.bilinear(finer, uv);
@@ -287,6 +331,14 @@ impl Texture {
         }
         let far = self.bilinear(finer + 1, uv);
         [0, 1, 2].map(|c| near[c] + part * (far[c] - near[c]))
+    }
+
+    fn nearest(&self, level: usize, uv: Vec2) -> [f32; 3] {
+        let level = &self.levels[level];
+        // A number that is not finite becomes 0.
+        let at = (uv * level.size.as_vec2()).as_uvec2().min(level.size - 1);
+        level.rgb[(at.y * level.size.x + at.x) as usize]
+            .map(|code| linear_of_srgb8()[usize::from(code)])
     }
 
     fn bilinear(&self, level: usize, uv: Vec2) -> [f32; 3] {

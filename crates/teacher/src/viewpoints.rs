@@ -129,7 +129,7 @@ impl Search {
         soup.truncate_sh(0);
         let unit = Unit::of(&soup)?;
         unit.shrink(&mut soup);
-        let up = scene.provenance.up.unwrap_or_default().to_y_up().transpose() * glam::DVec3::Y;
+        let up = scene.provenance.up_axis().to_y_up().transpose() * glam::DVec3::Y;
         let any_side = any_side && scene.provenance.up.is_none();
         Some(Self { survey: Survey::new(soup), unit, up: up.as_vec3(), any_side })
     }

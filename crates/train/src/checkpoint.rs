@@ -182,6 +182,18 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
     })
 }
 
+/// True for a file that begins as checkpoints of this program do; false for one that cannot be read.
+pub fn is_checkpoint(path: &Path) -> bool {
+    let mut start = Vec::new();
+    let is_file = path.is_file();
+    let file = is_file.then(|| File::open(path).ok()).flatten();
+    file.is_some_and(|file| file.take(START.len() as u64 + 8).read_to_end(&mut start).is_ok())
+        && start.get(8..) == Some(START)
+}
+
+/// First bytes behind the length of the header.
+const START: &[u8] = b"{\"__metadata__\"";
+
 /// Check that every byte is as it was written, before memory is taken for any.
 ///
 /// # Errors

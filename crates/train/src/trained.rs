@@ -183,6 +183,7 @@ pub(super) fn provenance(dataset: &Dataset) -> Provenance {
         source: dataset.path.file_name().map(|name| name.to_string_lossy().into_owned()),
         trainer: Some(generator()),
         up: Some(dataset.up_axis()),
+        usual_up: None,
         placement: Placement { center: dataset.origin.to_array(), ..Placement::IDENTITY },
         // The soup stores its cameras, so viewers can choose among them.
         viewpoint: None,

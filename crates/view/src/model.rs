@@ -7,7 +7,9 @@ use trisplat_gpu::{Gpu, buffer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::geometry;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{Asset, Chunk, Error, FaceSh, FaceTexture, Result, Texture, parallel};
+use trisplat_scene::{
+    Asset, Chunk, Error, FaceSh, FaceTexture, Result, TexelFilter, Texture, parallel,
+};
 use wgpu::*;
 
 /// An asset in GPU memory.
@@ -230,17 +232,26 @@ fn page_layout(gpu: &Gpu) -> BindGroupLayout {
     })
 }
 
+/// Beyond the last mip level of any picture.
+const LAST_LEVEL: f32 = 32.0;
+
 /// The bind group of a texture, and its bytes.
 ///
 /// # Errors
 ///
 /// The card has no room.
 fn page_group(gpu: &Gpu, layout: &BindGroupLayout, page: &Texture) -> Result<(BindGroup, u64)> {
+    let (mag_filter, mipmap_filter, lod_max_clamp) = match page.style.filter {
+        TexelFilter::Linear => (FilterMode::Linear, MipmapFilterMode::Linear, LAST_LEVEL),
+        TexelFilter::Nearest => (FilterMode::Nearest, MipmapFilterMode::Nearest, 0.0),
+        TexelFilter::NearestOfLevel => (FilterMode::Nearest, MipmapFilterMode::Nearest, LAST_LEVEL),
+    };
     let sampler = gpu.device.create_sampler(&SamplerDescriptor {
-        label: Some("trilinear"),
-        mag_filter: FilterMode::Linear,
-        min_filter: FilterMode::Linear,
-        mipmap_filter: MipmapFilterMode::Linear,
+        label: Some("texels"),
+        mag_filter,
+        min_filter: mag_filter,
+        mipmap_filter,
+        lod_max_clamp,
         ..SamplerDescriptor::default()
     });
     let (view, bytes) = picture(gpu, page)?;

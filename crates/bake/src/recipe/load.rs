@@ -19,14 +19,15 @@ impl Recipe<'_> {
         let mut scene = self.merged(inputs, photos.is_some())?;
         let Provenance { generator, trainer, up, .. } = &scene.provenance;
         let is_anonymous = generator.is_none() && trainer.is_none();
-        let up_is_unknown = is_anonymous && up.is_none() && matches!(scene.scene, Scene::Mesh(_));
+        let is_unknown = is_anonymous && up.is_none() && matches!(scene.scene, Scene::Mesh(_));
+        let assumed_up = is_unknown.then(|| scene.provenance.up_axis());
         let input_backdrop = scene.take_backdrop();
         if let Some(photos) = photos.as_deref_mut() {
             photos.transform(&scene.provenance.placement);
             photos.show_part(self.drops_surroundings());
         }
         let pictures = TargetPictures { photos, drawn: None };
-        Ok(LoadedScene { scene, input_backdrop, pictures, up_is_unknown })
+        Ok(LoadedScene { scene, input_backdrop, pictures, assumed_up })
     }
 
     /// The inputs as one scene.

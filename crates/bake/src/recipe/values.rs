@@ -5,7 +5,7 @@ use glam::Vec3;
 use trisplat_scene::camera::{Camera, Viewpoint};
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::stored_cameras::encode_cameras;
-use trisplat_scene::{ImportedScene, Placement, Provenance};
+use trisplat_scene::{ImportedScene, Placement, Provenance, UpAxis};
 
 /// A scene and the photos of it.
 pub(super) struct LoadedScene<'a> {
@@ -14,8 +14,8 @@ pub(super) struct LoadedScene<'a> {
     /// The backdrop of an earlier bake.
     pub input_backdrop: Option<Mesh>,
     pub pictures: TargetPictures<'a>,
-    /// True for a mesh whose file names neither its up axis nor its writer.
-    pub up_is_unknown: bool,
+    /// The up axis of a mesh whose file names neither one nor its writer.
+    pub assumed_up: Option<UpAxis>,
 }
 
 /// Pictures that triangles are fitted to: photos or, where none were given, drawings of a soft

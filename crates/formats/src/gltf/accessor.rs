@@ -104,10 +104,12 @@ impl<'a> Accessors<'a> {
             "VEC2" => 2,
             "VEC3" => 3,
             "VEC4" => 4,
+            // Of columns of floats, which have no padding.
+            "MAT4" => 16,
             other => {
                 return Err(self.malformed(
                     place(),
-                    format!("has type {other:?}; expected SCALAR or VEC2 to VEC4"),
+                    format!("has type {other:?}; expected SCALAR, VEC2 to VEC4 or MAT4"),
                 ));
             }
         };
@@ -402,7 +404,8 @@ pub(crate) fn painted_faces(
     let uvs = (0..faces.len()).map(|face| [0, 1, 2].map(|k| corner(3 * face + k))).collect();
     let sampler = texture.sampler.and_then(|sampler| document.samplers.get(sampler));
     let wrap = sampler.map(Sampler::wrap).unwrap_or_default();
-    Ok(Ok(PaintedFaces { image, faces, uvs, wrap }))
+    let filter = sampler.map(Sampler::filter).unwrap_or_default();
+    Ok(Ok(PaintedFaces { image, faces, uvs, wrap, filter }))
 }
 
 /// Paints the whole mesh, whose faces are in the order of `painted`. Returns notes for the user.

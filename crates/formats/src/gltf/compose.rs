@@ -3,7 +3,7 @@
 use super::buffers;
 use super::container::stream_offsets;
 use super::document::{QUANTIZATION, UNLIT};
-use super::encode::{self, GltfContent};
+use super::encode::{self, GltfContent, page_format};
 use super::meshopt::{CompressedView, MESHOPT};
 use super::options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
 use super::part::{BACKDROP, FRONT, PartKind, ScenePart, Stream, all_streams};
@@ -29,7 +29,7 @@ use serde_json::{Map, Result};
 use std::collections::BTreeMap;
 use trisplat_scene::camera::Viewpoint;
 use trisplat_scene::math::geometry::bounds;
-use trisplat_scene::{Provenance, UpAxis};
+use trisplat_scene::{FaceTexture, Provenance, TexelFilter, UpAxis};
 
 /// The text of the document for `content`: compact in a GLB, indented beside a buffer of the name
 /// `bin_name`.
@@ -57,7 +57,7 @@ fn root(content: &GltfContent, bin_name: Option<&str>) -> Result<Root> {
     let pages = 0..content.pictures.len();
     let images = pages.clone().map(|page| image(index(streams + page), page, content)).collect();
     let textures = pages.clone().map(|page| texture(page, content)).collect();
-    let samplers = pages.take(1).map(|_| sampler(content)).collect();
+    let samplers = filters(content).into_iter().map(sampler).collect();
     let part_materials = part_materials(parts);
     let materials =
         part_materials.iter().map(|of| material(content, of)).collect::<Result<Vec<_>>>()?;
@@ -216,7 +216,8 @@ fn view(buffer: usize, start: u64, length: u64) -> View {
 
 /// The picture of a page, in a view.
 fn image(view: Index<View>, page: usize, content: &GltfContent) -> Image {
-    let format = content.sh.as_ref().map_or(content.options.texture, |_| TextureFormat::Png);
+    let of_page = |texture: &FaceTexture| page_format(&texture.pages[page], content.options);
+    let format = content.asset.mesh.texture.as_ref().map_or(TextureFormat::Png, of_page);
     Image {
         buffer_view: Some(view),
         mime_type: Some(MimeType(format.media_type().to_owned())),
@@ -227,11 +228,30 @@ fn image(view: Index<View>, page: usize, content: &GltfContent) -> Image {
     }
 }
 
-/// The sampler of all textures: without repetition; with mip levels, unless texels are numbers.
-fn sampler(content: &GltfContent) -> Sampler {
-    let (mag_filter, min_filter) = match content.sh {
-        Some(_) => (MagFilter::Nearest, MinFilter::Nearest),
-        None => (MagFilter::Linear, MinFilter::LinearMipmapLinear),
+/// The filter of a page; of harmonics, whose texels are numbers, the nearest texel's.
+fn filter(page: usize, content: &GltfContent) -> TexelFilter {
+    let of_page = |texture: &FaceTexture| texture.pages[page].style.filter;
+    content.asset.mesh.texture.as_ref().map_or(TexelFilter::Nearest, of_page)
+}
+
+/// The filters of all pages, one per sampler.
+fn filters(content: &GltfContent) -> Vec<TexelFilter> {
+    let mut filters = Vec::new();
+    for page in 0..content.pictures.len() {
+        let filter = filter(page, content);
+        if !filters.contains(&filter) {
+            filters.push(filter);
+        }
+    }
+    filters
+}
+
+/// A sampler without repetition.
+fn sampler(filter: TexelFilter) -> Sampler {
+    let (mag_filter, min_filter) = match filter {
+        TexelFilter::Linear => (MagFilter::Linear, MinFilter::LinearMipmapLinear),
+        TexelFilter::Nearest => (MagFilter::Nearest, MinFilter::Nearest),
+        TexelFilter::NearestOfLevel => (MagFilter::Nearest, MinFilter::NearestMipmapNearest),
     };
     Sampler {
         mag_filter: Some(Valid(mag_filter)),
@@ -246,7 +266,7 @@ fn sampler(content: &GltfContent) -> Sampler {
 fn texture(page: usize, content: &GltfContent) -> Texture {
     Texture {
         name: Some(page_name(page, content)),
-        sampler: Some(index(0)),
+        sampler: filters(content).iter().position(|of| *of == filter(page, content)).map(index),
         source: index(page),
         extensions: None,
         extras: None,

@@ -54,6 +54,8 @@ pub(crate) struct GltfDocument {
     #[serde(default, deserialize_with = "limited")]
     pub(crate) samplers: Vec<Sampler>,
     #[serde(default, deserialize_with = "limited")]
+    pub(crate) skins: Vec<GltfSkin>,
+    #[serde(default, deserialize_with = "limited")]
     pub(crate) images: Vec<GltfImage>,
     #[serde(default, deserialize_with = "limited")]
     pub(crate) buffer_views: Vec<BufferView>,
@@ -86,10 +88,34 @@ pub(crate) struct GltfNode {
     pub(crate) extensions: NodeExtensions,
 }
 
+/// Nodes that move the vertices of a mesh.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct GltfSkin {
+    #[serde(default, deserialize_with = "lenient")]
+    pub(crate) inverse_bind_matrices: Option<usize>,
+    #[serde(default, deserialize_with = "limited")]
+    pub(crate) joints: Vec<usize>,
+}
+
 #[derive(Debug, Default, Deserialize)]
 pub(crate) struct NodeExtensions {
+    #[serde(default, rename = "KHR_node_visibility", deserialize_with = "lenient")]
+    visibility: Option<Visibility>,
     #[serde(default, rename = "EXT_mesh_gpu_instancing", deserialize_with = "lenient")]
     pub(crate) instancing: Option<Instancing>,
+}
+
+/// Whether a node and all below it are drawn.
+#[derive(Debug, Deserialize)]
+struct Visibility {
+    visible: Option<bool>,
+}
+
+impl GltfNode {
+    fn is_hidden(&self) -> bool {
+        self.extensions.visibility.as_ref().is_some_and(|shown| shown.visible == Some(false))
+    }
 }
 
 /// Accessors with a number for each copy of a node's mesh.
@@ -134,6 +160,14 @@ pub(crate) struct Attributes {
     tex_coord_2: Option<usize>,
     #[serde(rename = "TEXCOORD_3")]
     tex_coord_3: Option<usize>,
+    #[serde(rename = "JOINTS_0")]
+    pub(crate) joints: Option<usize>,
+    #[serde(rename = "WEIGHTS_0")]
+    pub(crate) weights: Option<usize>,
+    #[serde(rename = "JOINTS_1")]
+    pub(crate) more_joints: Option<usize>,
+    #[serde(rename = "WEIGHTS_1")]
+    pub(crate) more_weights: Option<usize>,
 }
 
 impl Attributes {
@@ -327,11 +361,46 @@ pub(crate) fn instances(
     document: &GltfDocument,
     limits: &Limits,
 ) -> Result<Vec<MeshInstance>> {
-    let mut visited = vec![false; document.nodes.len()];
     let mut instances = Vec::new();
-    let mut stack: Vec<(usize, Option<DMat4>, u64)> =
-        roots(path, document)?.into_iter().rev().map(|n| (n, None, 0)).collect();
-    while let Some((index, parent, depth)) = stack.pop() {
+    walk(path, document, limits, |index, node, transform, is_hidden| {
+        let is_collider = |name: &String| COLLIDERS.iter().any(|ending| name.ends_with(ending));
+        if let Some(mesh) = node.mesh.filter(|_| !is_hidden)
+            && !node.name.as_ref().is_some_and(is_collider)
+        {
+            instances.push(MeshInstance { mesh, node: index, transform });
+        }
+    })?;
+    Ok(instances)
+}
+
+/// From each node to the scene; none for a node that is not in the default scene. `[N]`
+///
+/// # Errors
+/// As [`instances`].
+pub(crate) fn node_transforms(
+    path: &Path,
+    document: &GltfDocument,
+    limits: &Limits,
+) -> Result<Vec<Option<DMat4>>> {
+    let mut transforms = vec![None; document.nodes.len()];
+    walk(path, document, limits, |index, _, transform, _| {
+        transforms[index] = Some(transform.unwrap_or(DMat4::IDENTITY));
+    })?;
+    Ok(transforms)
+}
+
+/// Hands every node of the default scene to `each`, parents first, with its number, its accumulated
+/// transform, and whether it is hidden.
+fn walk(
+    path: &Path,
+    document: &GltfDocument,
+    limits: &Limits,
+    mut each: impl FnMut(usize, &GltfNode, Option<DMat4>, bool),
+) -> Result<()> {
+    let mut visited = vec![false; document.nodes.len()];
+    let mut stack: Vec<(usize, Option<DMat4>, bool, u64)> =
+        roots(path, document)?.into_iter().rev().map(|n| (n, None, false, 0)).collect();
+    while let Some((index, parent, is_hidden, depth)) = stack.pop() {
         limits.nesting(format_args!("{}: node {index}", path.display()), depth)?;
         let place = || format!("node {index}");
         let node = entry(path, "node", &document.nodes, index)?;
@@ -345,17 +414,12 @@ pub(crate) fn instances(
         if transform.is_some_and(|t| !t.is_finite()) {
             return Err(Error::malformed(path, place(), "has a transform that is not finite"));
         }
-        if let Some(mesh) = node.mesh
-            && !node
-                .name
-                .as_deref()
-                .is_some_and(|name| COLLIDERS.iter().any(|ending| name.ends_with(ending)))
-        {
-            instances.push(MeshInstance { mesh, node: index, transform });
-        }
-        stack.extend(node.children.iter().rev().map(|&child| (child, transform, depth + 1)));
+        let is_hidden = is_hidden || node.is_hidden();
+        each(index, node, transform, is_hidden);
+        let children = node.children.iter().rev();
+        stack.extend(children.map(|&child| (child, transform, is_hidden, depth + 1)));
     }
-    Ok(instances)
+    Ok(())
 }
 
 /// Endings of names of nodes whose meshes Godot's importer uses only for collisions.
@@ -437,13 +501,14 @@ pub(crate) const DRACO: &str = "KHR_draco_mesh_compression";
 pub(crate) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// Extensions that a file may require: they are read, or only change the look of a surface.
-const READABLE: [&str; 12] = [
+const READABLE: [&str; 13] = [
     format::GLTF_EXTENSION,
     format::SPZ_EXTENSION,
     QUANTIZATION,
     MESHOPT,
     MESHOPT_KHR,
     "KHR_texture_transform",
+    "KHR_node_visibility",
     // Its pictures are named in a warning.
     "KHR_texture_basisu",
     INSTANCING,

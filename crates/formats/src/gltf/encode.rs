@@ -2,7 +2,7 @@
 //! not.
 
 use super::container::{stream_offsets, write_padding};
-use super::options::{ColorEncoding, GltfOptions};
+use super::options::{ColorEncoding, GltfOptions, TextureFormat};
 use super::part::{PartVertices, ScenePart, Stream, all_streams, parts};
 use super::sh::{ShExtras, StoredSh};
 use crate::finish::is_far;
@@ -15,7 +15,7 @@ use std::path::Path;
 use std::sync::LazyLock;
 use trisplat_scene::math::color::srgb8_from_linear;
 use trisplat_scene::mesh::Colors;
-use trisplat_scene::{Asset, Error, Result, parallel};
+use trisplat_scene::{Asset, Error, Result, Texture, parallel};
 
 /// Bytes encoded before they are written.
 const BLOCK_BYTES: u64 = 1 << 20;
@@ -309,6 +309,11 @@ pub(crate) struct EmbeddedPicture {
     pub(crate) bytes: Vec<u8>,
 }
 
+/// The format of the picture of a page: exact ones stay exact.
+pub(crate) fn page_format(page: &Texture, options: &GltfOptions) -> TextureFormat {
+    if page.style.is_exact { TextureFormat::Png } else { options.texture }
+}
+
 impl<'a> GltfContent<'a> {
     pub(crate) fn new(path: &Path, asset: &'a Asset, options: &'a GltfOptions) -> Result<Self> {
         let sh = StoredSh::of(asset)?;
@@ -325,7 +330,7 @@ impl<'a> GltfContent<'a> {
             ),
         };
         let pages = asset.mesh.texture.iter().flat_map(|texture| &texture.pages);
-        let pages = pages.map(|page| options.texture.bytes(page.picture()));
+        let pages = pages.map(|page| page_format(page, options).bytes(page.picture()));
         let mut pictures = Vec::new();
         for bytes in pages.chain(sh.iter().map(|sh| sh.picture.to_png())) {
             let bytes = bytes?;

@@ -9,6 +9,8 @@ use gltf_json::validation::Checked;
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer, IgnoredAny};
 use serde_json::Value;
+use std::collections::BTreeMap;
+use trisplat_scene::TexelFilter;
 use trisplat_scene::atlas::Wrap;
 
 #[derive(Debug, Default, Deserialize)]
@@ -42,6 +44,14 @@ struct MaterialExtras {
 /// Endings of material names for which Godot, and only Godot, reads vertex colours as sRGB.
 const SRGB_HINTS: [&str; 3] = ["-vcol", "$vcol", "_vcol"];
 
+/// Extensions that only say how light passes, and do nothing where none does.
+const INSIDE_GLASS: [&str; 4] = [
+    "KHR_materials_ior",
+    "KHR_materials_volume",
+    "KHR_materials_dispersion",
+    "KHR_materials_volume_scatter",
+];
+
 /// The colour of a surface without lights.
 pub(crate) struct Paint<'a> {
     /// Linear RGB and alpha, which multiply the texture.
@@ -72,6 +82,24 @@ impl GltfMaterial {
         } else {
             Paint { factor: [r, g, b, alpha], texture: base.texture.as_ref(), emits_more: shines }
         }
+    }
+
+    /// The extension by which light passes its surface, as glass does.
+    pub(crate) fn transmission(&self) -> Option<&'static str> {
+        let passes = |by: &Option<Transmission>| by.as_ref().is_some_and(|by| by.factor > 0.0);
+        if passes(&self.extensions.transmission) {
+            Some("KHR_materials_transmission")
+        } else if passes(&self.extensions.diffuse_transmission) {
+            Some("KHR_materials_diffuse_transmission")
+        } else {
+            None
+        }
+    }
+
+    /// Its extensions that are not read and change how the surface looks in light.
+    pub(crate) fn unread(&self) -> impl Iterator<Item = &str> {
+        let names = self.extensions.others.keys().map(String::as_str);
+        names.filter(|name| !INSIDE_GLASS.contains(name))
     }
 
     /// True when alpha is ignored.
@@ -119,12 +147,25 @@ struct BaseColor {
 
 #[derive(Debug, Default, Deserialize)]
 struct MaterialExtensions {
+    #[serde(default, rename = "KHR_materials_transmission", deserialize_with = "lenient")]
+    transmission: Option<Transmission>,
+    #[serde(default, rename = "KHR_materials_diffuse_transmission", deserialize_with = "lenient")]
+    diffuse_transmission: Option<Transmission>,
+    #[serde(flatten)]
+    others: BTreeMap<String, IgnoredAny>,
     #[serde(default, rename = "KHR_materials_pbrSpecularGlossiness", deserialize_with = "lenient")]
     specular_glossiness: Option<BaseColor>,
     #[serde(default, rename = "KHR_materials_emissive_strength", deserialize_with = "lenient")]
     emissive_strength: Option<EmissiveStrength>,
     #[serde(default, rename = "KHR_materials_unlit", deserialize_with = "is_there")]
     unlit: bool,
+}
+
+/// The share of light that a surface lets through.
+#[derive(Debug, Deserialize)]
+struct Transmission {
+    #[serde(default, alias = "transmissionFactor", alias = "diffuseTransmissionFactor")]
+    factor: f32,
 }
 
 #[derive(Debug, Deserialize)]
@@ -225,10 +266,14 @@ impl GltfTexture {
     }
 }
 
-/// Wrapping modes, as OpenGL numbers them.
+/// Filters and wrapping modes, as OpenGL numbers them.
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct Sampler {
+    #[serde(default, deserialize_with = "lenient")]
+    mag_filter: Option<u32>,
+    #[serde(default, deserialize_with = "lenient")]
+    min_filter: Option<u32>,
     #[serde(default, deserialize_with = "lenient")]
     wrap_s: Option<u32>,
     #[serde(default, deserialize_with = "lenient")]
@@ -236,6 +281,15 @@ pub(crate) struct Sampler {
 }
 
 impl Sampler {
+    /// The filter of its pictures: whatever it is called far away, near texels are what one sees.
+    pub(crate) fn filter(&self) -> TexelFilter {
+        match (self.mag_filter, self.min_filter) {
+            (Some(9728), None | Some(9728 | 9729)) => TexelFilter::Nearest,
+            (Some(9728), _) => TexelFilter::NearestOfLevel,
+            _ => TexelFilter::Linear,
+        }
+    }
+
     pub(crate) fn wrap(&self) -> [Wrap; 2] {
         [self.wrap_s, self.wrap_t].map(|mode| match mode {
             Some(33071) => Wrap::Clamp,

@@ -3,14 +3,21 @@
 use super::accessor::{self, Accessors};
 use super::document::{DRACO, GltfDocument, MeshInstance, Primitive};
 use super::material::GltfMaterial;
+use super::skin::{self, JointTransforms};
 use crate::finish::{is_far, origin_of, sampled};
+use crate::format::GLTF_EXTENSION;
 use glam::{DMat3, DMat4, DVec3, Vec3};
 use gltf_json::accessor::ComponentType;
 use gltf_json::mesh::{TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES};
+use std::collections::{BTreeMap, BTreeSet};
 use trisplat_scene::atlas::PaintedFaces;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::report::counted;
 use trisplat_scene::{Error, FaceSh, Limits, Result, parallel};
+
+/// Materials to choose from for a primitive.
+const VARIANTS: &str = "KHR_materials_variants";
 
 /// Maximum number of warnings about one file.
 const MAX_WARNINGS: usize = 100;
@@ -35,6 +42,12 @@ pub(crate) struct MergedMesh<'a> {
     painted: Vec<PaintedFaces>,
     /// Spherical harmonics, and their first face.
     sh: Vec<(usize, FaceSh)>,
+    /// The joints of skins, by number.
+    joints: BTreeMap<usize, JointTransforms>,
+    /// Extensions of the materials of its faces that are not read.
+    unread: BTreeSet<&'a str>,
+    /// Number of Gaussians in its meshes.
+    splats: u64,
 }
 
 /// The faces of one primitive.
@@ -66,6 +79,9 @@ impl<'a> MergedMesh<'a> {
             limits,
             painted: Vec::new(),
             sh: Vec::new(),
+            joints: BTreeMap::new(),
+            unread: BTreeSet::new(),
+            splats: 0,
         }
     }
 
@@ -79,6 +95,20 @@ impl<'a> MergedMesh<'a> {
         if self.warnings.len() < MAX_WARNINGS && !self.warnings.contains(&warning) {
             self.warnings.push(warning);
         }
+    }
+
+    /// Reads the joints of all skins; `origin` is subtracted from all positions.
+    pub(crate) fn read_skins(&mut self, origin: DVec3) -> Result<()> {
+        let limits = self.limits;
+        for (number, joints) in
+            skin::joints_of_skins(self.document, &mut self.accessors, origin, &limits)?
+        {
+            match joints {
+                Ok(joints) => drop(self.joints.insert(number, joints)),
+                Err(why) => self.warn(format!("a skin is not applied: {why}")),
+            }
+        }
+        Ok(())
     }
 
     /// Reserves memory for all vertices, after checking that they exist and do not exceed the
@@ -128,7 +158,9 @@ impl<'a> MergedMesh<'a> {
     /// triangles.
     fn position(&mut self, primitive: &Primitive) -> Result<Option<usize>> {
         if !(TRIANGLES..=TRIANGLE_FAN).contains(&primitive.mode) {
-            self.warn("points and lines are not read");
+            if !self.are_splats(primitive) {
+                self.warn("points and lines are not read");
+            }
             return Ok(None);
         }
         let Some(position) = primitive.attributes.position else {
@@ -144,6 +176,12 @@ impl<'a> MergedMesh<'a> {
             ));
         }
         Ok(Some(position))
+    }
+
+    /// True for the Gaussians of a document that names their extension.
+    fn are_splats(&self, primitive: &Primitive) -> bool {
+        primitive.extensions.contains_key(GLTF_EXTENSION)
+            && self.document.extensions_used.iter().any(|name| name == GLTF_EXTENSION)
     }
 
     fn check_limit(&self, triangles: u64) -> Result<()> {
@@ -165,7 +203,14 @@ impl<'a> MergedMesh<'a> {
     pub(crate) fn add(&mut self, instance: &MeshInstance) -> Result<()> {
         for (i, primitive) in self.primitives(instance)?.iter().enumerate() {
             let place = format!("mesh {} primitive {i}", instance.mesh);
-            self.add_primitive(primitive, &place, instance.transform)?;
+            if self.are_splats(primitive) {
+                let position = primitive.attributes.position;
+                let layout =
+                    position.map(|position| self.accessors.layout(position)).transpose()?;
+                self.splats += layout.map_or(0, |layout| layout.count);
+            }
+            let skin = self.document.nodes[instance.node].skin;
+            self.add_primitive(primitive, &place, instance.transform, skin)?;
         }
         Ok(())
     }
@@ -175,6 +220,7 @@ impl<'a> MergedMesh<'a> {
         primitive: &Primitive,
         place: &str,
         transform: Option<DMat4>,
+        skin: Option<usize>,
     ) -> Result<()> {
         let Some(position) = self.position(primitive)? else { return Ok(()) };
         if !primitive.targets.is_empty() {
@@ -182,6 +228,7 @@ impl<'a> MergedMesh<'a> {
         }
         let base = self.mesh.positions.len();
         let count = self.read_positions(position, place, transform)?;
+        let transform = self.apply_skin(primitive, position, skin, base)?.or(transform);
         let mut part = self.read_faces(primitive, place, base, count)?;
         self.mesh
             .positions
@@ -226,6 +273,30 @@ impl<'a> MergedMesh<'a> {
             added[i] = transform.map_or(p, |t| t.transform_point3(p)).as_vec3();
         })?;
         Ok(count)
+    }
+
+    /// Moves the vertices of a primitive, from `base` on, with the joints of a skin. Returns the
+    /// transform of one, none if there is no such skin.
+    fn apply_skin(
+        &mut self,
+        primitive: &Primitive,
+        position: usize,
+        skin: Option<usize>,
+        base: usize,
+    ) -> Result<Option<DMat4>> {
+        let Some(joints) = skin.and_then(|skin| self.joints.get(&skin)) else { return Ok(None) };
+        let count = self.mesh.positions.len() - base;
+        let attributes = &primitive.attributes;
+        let transforms = skin::vertex_transforms(&mut self.accessors, attributes, joints, count)?;
+        let Some(transforms) = transforms else {
+            self.warn("a skin is not applied: its vertices name no joints of it");
+            return Ok(None);
+        };
+        let moved = &mut self.mesh.positions[base..];
+        self.accessors.for_each(position, 0.0, |i, p| {
+            moved[i] = transforms[i].transform_point3(DVec3::from(p)).as_vec3();
+        })?;
+        Ok(transforms.first().copied())
     }
 
     /// The faces of a primitive of any mode, as lists of vertices.
@@ -294,7 +365,15 @@ impl<'a> MergedMesh<'a> {
         count: usize,
     ) -> Result<()> {
         let default = GltfMaterial::default();
-        let material = self.material(primitive, place)?.unwrap_or(&default);
+        let given = self.material(primitive, place)?;
+        self.unread.extend(given.into_iter().flat_map(GltfMaterial::unread));
+        let material = given.unwrap_or(&default);
+        if let Some(extension) = material.transmission() {
+            self.warn(format!("{extension} is not read: glass becomes opaque"));
+        }
+        if primitive.extensions.contains_key(VARIANTS) {
+            self.warn(format!("{VARIANTS} is not read: meshes have their default materials"));
+        }
         let paint = material.paint();
         let [factor @ .., alpha] = paint.factor;
         if paint.emits_more {
@@ -531,6 +610,19 @@ impl<'a> MergedMesh<'a> {
             return Err(Error::unsupported(
                 self.accessors.buffers.path(),
                 format!("holds no triangles in its scene{why}; export the mesh itself"),
+            ));
+        }
+        if self.splats > 0 {
+            self.warn(format!(
+                "{} beside the mesh are not read: save them as a file of their own, and bake that too",
+                counted(self.splats, "Gaussian")
+            ));
+        }
+        if !self.unread.is_empty() {
+            let names: Vec<&str> = self.unread.iter().copied().collect();
+            self.warn(format!(
+                "extensions of materials are not read, surfaces look plainer: {}",
+                names.join(", ")
             ));
         }
         if self.clamped > 0 {

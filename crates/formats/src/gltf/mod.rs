@@ -30,6 +30,7 @@ mod options;
 mod part;
 mod read;
 mod sh;
+mod skin;
 mod splats;
 mod write;
 

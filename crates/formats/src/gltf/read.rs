@@ -53,15 +53,13 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
         merged.warn(format!("extensions are not read: {}", unread.join(", ")));
     }
     for node in &document.nodes {
-        if node.skin.is_some() {
-            merged.warn("skins are not applied");
-        }
         if node.extensions.instancing.as_ref().is_some_and(|copies| copies.attributes.is_empty()) {
             merged.warn(format!("{INSTANCING} without attributes: the mesh is drawn once"));
         }
     }
     let origin = merged.reserve(&instances)?;
     subtract_origin(&mut instances, origin);
+    merged.read_skins(origin)?;
     // The backdrop comes last, even if another program has moved it.
     let is_backdrop =
         |i: &&MeshInstance| document.nodes[i.node].name.as_deref().is_some_and(part::is_backdrop);
@@ -74,6 +72,11 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     }
     let backdrop_faces = (merged.faces - scene_faces) as u32;
     let mut extensions = document.extensions_used.iter().chain(&document.extensions_required);
+    if merged.faces == 0
+        && let Some(name) = extensions.clone().find(|name| format::is_draft(name))
+    {
+        return Err(format::draft(&path, name));
+    }
     if merged.faces == 0 && extensions.any(|name| name.starts_with(format::GLTF_EXTENSION)) {
         return Err(format::refusal(&path, "glTF"));
     }
@@ -216,6 +219,7 @@ pub(crate) fn check_support(path: &Path, document: &GltfDocument) -> Result<()> 
     }
     let unknown = document.extensions_required.iter().find(|name| !is_readable(name));
     match unknown {
+        Some(name) if format::is_draft(name) => Err(format::draft(path, name)),
         Some(name) if name.starts_with(format::GLTF_EXTENSION) => Err(format::unread(path, name)),
         Some(name) => Err(Error::unsupported(
             path,

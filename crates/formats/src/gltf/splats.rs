@@ -9,7 +9,7 @@ use super::compose;
 use super::container::ContainerFile;
 use super::document::{self, GltfDocument, MeshInstance, limited};
 use crate::finish::{origin_of, sampled};
-use crate::format::{GLTF_EXTENSION, SPZ_EXTENSION};
+use crate::format::{self, GLTF_EXTENSION, SPZ_EXTENSION};
 use crate::splats::{finish, spz, unit, zeroed};
 use crate::{ReadOptions, Source};
 use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
@@ -166,6 +166,9 @@ impl SplatReader<'_> {
         }
         let splatting = primitive.extensions.splatting.as_ref();
         let packing = splatting.and_then(|s| s.extensions.first_key_value());
+        if let Some((name, _)) = packing.filter(|(name, _)| format::is_draft(name)) {
+            return Err(format::draft(self.path, name));
+        }
         if let Some((name, _)) = packing.filter(|(name, _)| *name != SPZ_EXTENSION) {
             return Err(unsupported(format!(
                 "its Gaussians need {name}; export them again without"
@@ -214,6 +217,9 @@ impl SplatReader<'_> {
             own("OPACITY"),
             own("SH_DEGREE_0_COEF_0"),
         ];
+        if ["_ROTATION", "_SCALE"].iter().all(|name| accessor(name).is_some()) {
+            return Err(format::draft(self.path, "attributes _ROTATION and _SCALE"));
+        }
         let [Some(position), Some(rotation), Some(scale), Some(opacity), Some(first)] = basic
         else {
             let wants =

@@ -96,6 +96,15 @@ impl Element {
     pub(super) fn has(&self, property: &str) -> bool {
         self.properties.iter().any(|p| p.name == property)
     }
+
+    /// Names of its single numbers, and whether they are whole.
+    pub(super) fn columns(&self) -> Vec<(&str, bool)> {
+        let column = |property: &'_ Property| match property.kind {
+            PropertyType::Scalar(scalar) => Some(scalar.is_integer()),
+            PropertyType::List { .. } => None,
+        };
+        self.properties.iter().filter_map(|p| Some((p.name.as_str(), column(p)?))).collect()
+    }
 }
 
 /// The header of a PLY file: its encoding, elements and comments.
@@ -118,17 +127,21 @@ impl PlyHeader {
 pub fn read(source: &mut Source) -> Result<PlyHeader> {
     let path = source.path.clone();
     let io = |e| Error::io(&path, e);
-    source.rewind()?;
+    // Old programs end lines with `\r` alone.
+    let head = source.head()?;
+    let head = head.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&head);
+    let is_old = head.starts_with(b"ply\r") && head.get(4) != Some(&b'\n');
+    let end = if is_old { b'\r' } else { b'\n' };
     let mut reader = BufReader::with_capacity(1 << 14, &*source.file).take(MAX_HEADER_BYTES);
     let mut draft = HeaderDraft::default();
     let mut line = Vec::new();
     let mut number = 0;
     loop {
         line.clear();
-        reader.read_until(b'\n', &mut line).map_err(io)?;
+        reader.read_until(end, &mut line).map_err(io)?;
         number += 1;
         let at = format!("header line {number}");
-        if line.last() != Some(&b'\n') {
+        if line.last() != Some(&end) {
             return Err(Error::malformed(
                 &path,
                 at,

@@ -156,6 +156,7 @@ fn parts_by_picture(numbers: &[i64], face_of: &[u32], uvs: &[[Vec2; 3]]) -> Vec<
             uvs: uvs[faces.clone()].to_vec(),
             faces,
             wrap: Default::default(),
+            filter: Default::default(),
         });
     }
     parts

@@ -76,8 +76,16 @@ impl SplatColumns {
         let mut sh = vec![vertices.columns(first)?];
         let full_color = has_colors.then(|| if sh[0][0].is_byte() { 255.0 } else { 1.0 });
         sh.extend(higher);
-        let mut scales = vertices.columns(["scale_0", "scale_1"])?.to_vec();
-        scales.extend(vertices.find("scale_2"));
+        // Balls have one.
+        let names = if vertices.find("scale_1").is_some() {
+            ["scale_0", "scale_1"]
+        } else {
+            ["scale_0"; 2]
+        };
+        let mut scales = vertices.columns(names)?.to_vec();
+        scales.extend(
+            vertices.find("scale_2").or(vertices.find("scale_0").filter(|_| names[0] == names[1])),
+        );
         Ok(Self {
             opacity: vertices.column("opacity")?,
             scales,

@@ -6,6 +6,7 @@
 use super::header::{Column, Element, Encoding, PropertyType, Scalar};
 use crate::Source;
 use crate::faces::{MAX_CORNERS, check_corners, not_a_triangle};
+use crate::lines::number;
 use std::io::{self, BufReader, ErrorKind, Read, Seek, SeekFrom};
 use trisplat_scene::{Error, Result};
 
@@ -243,8 +244,8 @@ fn parse(text: &str, scalar: Scalar) -> Option<[u8; 8]> {
         Scalar::U16 => whole(0, u16::MAX.into()),
         Scalar::I32 => whole(i32::MIN.into(), i32::MAX.into()),
         Scalar::U32 => whole(0, u32::MAX.into()),
-        Scalar::F32 => Some(widen(text.parse::<f32>().ok()?.to_le_bytes())),
-        Scalar::F64 => Some(widen(text.parse::<f64>().ok()?.to_le_bytes())),
+        Scalar::F32 => Some(widen(number::<f32>(text).ok()?.to_le_bytes())),
+        Scalar::F64 => Some(widen(number::<f64>(text).ok()?.to_le_bytes())),
     }
 }
 

@@ -49,6 +49,7 @@ pub(crate) fn provenance() -> Provenance {
         source: Some("a room, \"zweiter\" Versuch.pt".into()),
         trainer: Some("triangle-splatting".into()),
         up: Some(UpAxis::NegY),
+        usual_up: None,
         placement: Placement {
             up: UpAxis::Z.into(),
             rotate: 0.0,

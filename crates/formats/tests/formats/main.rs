@@ -7,6 +7,7 @@ mod files;
 mod gaussians;
 mod gltf;
 mod gltf_read;
+mod kinds;
 mod mesh_ply;
 mod obj;
 mod off;

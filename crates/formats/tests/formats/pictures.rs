@@ -128,6 +128,60 @@ fn obj_library_and_picture_names_are_found() {
 }
 
 #[test]
+fn picture_of_another_machine_is_found_by_the_end_of_its_path() {
+    let obj = format!("mtllib a.mtl\n{SQUARE}");
+    let with = |inner: &str, named: &str| {
+        let folder = folder(&[("a.mtl", &format!("newmtl m\nmap_Kd {named}\n")), ("s.obj", &obj)]);
+        let to = folder.path().join(inner);
+        fs::create_dir_all(to.parent().expect("a folder")).expect("made");
+        fs::rename(folder.path().join("my col.png"), to).expect("moved");
+        read(&folder, "s.obj")
+    };
+    for (inner, named) in [
+        ("Textures/Wall_D.PNG", "C:\\Users\\me\\Documents\\textures\\wall_d.png"),
+        ("tex/a/wall.png", "/home/me/project/tex/a/wall.png"),
+        ("textures/wall.png", "../textures/wall.png"),
+        ("maps/wall.png", "wall.png"),
+        ("maps/WALL.png", "D:/elsewhere/wall.png"),
+    ] {
+        is_upright(&with(inner, named));
+    }
+    // Two of the name are not guessed between; what helps is said.
+    let lost = with("x/y/wall.png", "/home/me/wall.png").warnings.join("; ");
+    assert!(lost.contains("copy it beside the file, or give `allow_outside`"), "{lost}");
+    if cfg!(not(windows)) {
+        let lost = with("x/y/wall.png", "C:\\maps\\wall.png").warnings.join("; ");
+        assert!(lost.contains("copy it beside") && !lost.contains("allow_outside"), "{lost}");
+    }
+}
+
+#[test]
+fn alpha_of_a_material_is_named_and_light_of_a_black_one_is_its_colour() {
+    let of = |mtl: &str| {
+        let obj = format!("mtllib a.mtl\n{SQUARE}");
+        read(&folder(&[("a.mtl", mtl), ("s.obj", &obj)]), "s.obj")
+    };
+    for alpha in ["map_d my col.png", "d 0", "d 0.5", "Tr 0.3", "MAP_OPACITY my col.png"] {
+        let text = of(&format!("newmtl m\nKd 1 0 0\n{alpha}\n")).warnings.join("; ");
+        let keyword = alpha.split(' ').next().expect("a word");
+        assert!(text.contains("drawn whole: m (") && text.contains(keyword), "{alpha}: {text}");
+    }
+    for opaque in ["d 1.0", "Tr 0", "Tr 1.0", "d", "illum 2"] {
+        let text = of(&format!("newmtl m\nKd 1 0 0\n{opaque}\n")).warnings.join("; ");
+        assert_eq!(text, "", "{opaque}");
+    }
+    let color = |mtl: &str| match &mesh(&of(mtl)).colors {
+        Colors::Face(colors) => colors[0],
+        Colors::Vertex(_) => panic!("colours of materials are faces'"),
+    };
+    assert_eq!(color("newmtl m\nKd 0 0 0\nKe 1 0 0\n"), [1.0, 0.0, 0.0]);
+    assert_eq!(color("newmtl m\nKd 0 1 0\nKe 1 0 0\n"), [0.0, 1.0, 0.0]);
+    assert_eq!(color("newmtl m\nKd 0 0 0\nKe 0 0 0\n"), [0.0; 3]);
+    is_upright(&of("newmtl m\nKd 0 0 0\nKe 1 1 1\nmap_Ke my col.png\n"));
+    is_upright(&of("newmtl m\nKd 0 0 0\nKe 1 1 1\nmap_Kd my col.png\n"));
+}
+
+#[test]
 fn a_face_may_go_on_in_the_next_line() {
     let folder = folder(&[("s.obj", &SQUARE.replace("3/3 4/4", "3/3 \\\r\n4/4"))]);
     assert_eq!(mesh(&read(&folder, "s.obj")).face_count(), 2);

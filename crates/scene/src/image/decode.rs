@@ -247,7 +247,7 @@ fn placeholder_reason(path: &Path) -> Option<String> {
     file.take(23).read_to_end(&mut start).ok()?;
     match start[..] {
         [] => Some("is empty (0 bytes); copy it again".into()),
-        _ if start == b"version https://git-lfs" => {
+        _ if input::is_lfs_pointer(&start) => {
             Some("is a pointer of git-lfs, not the picture; run `git lfs pull`".into())
         }
         _ => None,

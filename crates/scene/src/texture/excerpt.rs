@@ -4,7 +4,7 @@
 //! that the next mip level stays as clean as it was. Rectangles of connected faces, such as a
 //! chart, become one where that has fewer texels.
 
-use super::{FaceTexture, Texture};
+use super::{FaceTexture, TexelFilter, Texture};
 use crate::image::RgbImage;
 use crate::math::lists::Sets;
 use crate::parallel::{self, GRAIN};
@@ -58,6 +58,9 @@ impl FaceTexture {
     /// times, with only what the faces show. It has one page of at most `max_side` by `max_side`
     /// texels. Unchanged where that saves little, or does not fit.
     pub fn excerpt(&self, halvings: usize, max_side: u32) -> FaceTexture {
+        let style = self.style();
+        // Levels of a palette have colours that it has not.
+        let halvings = if style.filter == TexelFilter::Linear { halvings } else { 0 };
         let pages: Vec<&RgbImage> = self.pages.iter().map(|page| page.level(halvings)).collect();
         let (rectangles, of_face) = self.rectangles(&pages);
         let grown: Vec<Rectangle> =
@@ -77,10 +80,8 @@ impl FaceTexture {
                 .map(|uv| (uv * texels - from.low.as_vec2() + to.as_vec2()) / size.as_vec2())
         };
         let uvs = parallel::collect(self.uvs.len(), GRAIN, moved);
-        FaceTexture::new(
-            uvs,
-            Arc::new(Texture::new(copy_rectangles(&pages, &grown, &places, size))),
-        )
+        let picture = copy_rectangles(&pages, &grown, &places, size);
+        FaceTexture::new(uvs, Arc::new(Texture::new(picture).with_style(style)))
     }
 
     /// Rectangles that hold the texels of all faces, and each face's number of its rectangle. `[F]`

@@ -125,6 +125,7 @@ fn extras_hold_the_provenance_and_the_encodings() {
         source: Some("größe.ply".into()),
         trainer: None,
         up: Some(UpAxis::Y),
+        usual_up: None,
         placement: Placement {
             up: UpAxis::NegY.into(),
             rotate: 0.0,

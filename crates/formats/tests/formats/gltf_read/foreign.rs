@@ -334,7 +334,13 @@ fn what_is_not_read_is_warned_of() {
     primitive["targets"] = json!([{}]);
     primitive["attributes"].as_object_mut().expect("an object").remove("COLOR_0");
     let loaded = b.read().expect("valid");
-    for word in ["skins", "INSTANCING", "morph", "a texture is not read", "base colour"] {
+    for word in [
+        "a skin is not applied: skin 0",
+        "INSTANCING",
+        "morph",
+        "a texture is not read",
+        "base colour",
+    ] {
         let warned =
             loaded.warnings.iter().any(|w| w.to_lowercase().contains(&word.to_lowercase()));
         assert!(warned, "{word}: {:?}", loaded.warnings);

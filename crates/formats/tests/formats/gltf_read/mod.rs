@@ -5,5 +5,6 @@ mod files;
 mod foreign;
 mod gltf_json;
 mod hostile;
+mod looks;
 mod own;
 mod pictures;

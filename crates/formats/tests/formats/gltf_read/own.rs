@@ -182,6 +182,7 @@ fn the_provenance_comes_back() {
         source: Some("room.ply".into()),
         trainer: Some("someone".into()),
         up: Some(UpAxis::Y),
+        usual_up: None,
         placement: Placement {
             up: UpAxis::NegY.into(),
             rotate: 0.0,
