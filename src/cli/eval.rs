@@ -18,6 +18,14 @@ use trisplat_scene::{Error, Result};
 /// Scene and photos to evaluate.
 #[derive(Debug, clap::Args)]
 pub struct EvalArgs {
+    /// Trained soup (.ply .pt), mesh (.glb .gltf .obj .ply .off) or Gaussian splats (.ply .splat
+    /// .spz .sog .glb). Several are compared with the first, in one table of means.
+    ///
+    /// A mesh is drawn as an engine draws it. A soup is drawn soft, as it was trained; solid, after
+    /// a bake with default options; and from a quantised and compressed file. This shows the loss
+    /// of each step. Gaussian splats are drawn as their trainers draw them.
+    #[arg(value_name = "FILE", required = true)]
+    pub files: Vec<PathBuf>,
     /// The scene, the photos, and how it is drawn.
     #[command(flatten)]
     pub job: EvalJob,
@@ -28,7 +36,7 @@ pub struct EvalArgs {
     /// at every step, they go into its folders soft, solid and file.
     #[arg(long, value_name = "DIR", help_heading = None::<&'static str>)]
     pub save_renders: Option<PathBuf>,
-    /// Write all scores as JSON (schema: trisplat schema eval).
+    /// Write all scores as JSON (schema: trisplat schema eval); those of several scenes as a list.
     #[arg(long, value_name = "FILE", help_heading = None::<&'static str>)]
     pub report: Option<PathBuf>,
     /// Print all scores as JSON instead of a table.
@@ -51,7 +59,8 @@ pub fn run(
     outputs.reserve_report(args.report.as_deref())?;
     let dataset = Dataset::load(&args.dataset, &args.job.dataset_options)?;
     outputs.forbid_overwriting_photos(&dataset)?;
-    let mut ready = args.job.clone().prepare(&dataset)?;
+    let [file] = &args.files[..] else { return compare(args, &dataset, global, outputs, out) };
+    let mut ready = EvalJob { file: file.clone(), ..args.job.clone() }.prepare(&dataset)?;
     let folders = folders(args, ready.steps(), ready.views(), &mut outputs)?;
 
     let progress = Progress::new(global);
@@ -72,6 +81,61 @@ pub fn run(
         table.end(out, &report)?
     }
     outputs.save_report(args.report.as_deref(), &report)
+}
+
+/// Evaluates several scenes, and prints the means of the last step of each, what an engine gets,
+/// and the differences to the first.
+fn compare(
+    args: &EvalArgs,
+    dataset: &Dataset,
+    global: &GlobalArgs,
+    mut outputs: Outputs<'_>,
+    out: &mut dyn Write,
+) -> Result<()> {
+    if args.save_renders.is_some() {
+        let wants = "one scene, whose pictures it writes";
+        return Err(Error::invalid("--save-renders", "given with several scenes", wants));
+    }
+    let names: Vec<String> = args.files.iter().map(|file| file.display().to_string()).collect();
+    let table =
+        ScoreTable { photos: false, ..ScoreTable::new(names.iter().map(|n| &n[..]), global, args) };
+    table.header(out)?;
+    let mut reports: Vec<EvalReport> = Vec::new();
+    for (file, name) in args.files.iter().zip(&names) {
+        let progress = Progress::new(global);
+        let mut ready = EvalJob { file: file.clone(), ..args.job.clone() }.prepare(dataset)?;
+        ready.draw_on(|card, warnings| progress.drawing_on(card, warnings))?;
+        let report = ready.run(|_, _| Ok(()))?;
+        progress.done();
+        if let (Some(step), true) = (report.steps.last(), table.shown) {
+            let first = reports.first().and_then(|first| first.steps.last());
+            let cells = table.cells(name, &step.name, &step.mean);
+            let (count, part) =
+                step.splats.map_or((step.triangles, "triangle"), |splats| (splats, "splat"));
+            let beside = first.map_or(String::new(), |first| format!("; {}", against(step, first)));
+            let grade = step.grade.map_or("", |grade| grade.word());
+            table.line(out, &format!("{cells}  {}, {grade}{beside}", many(count, part)))?;
+        }
+        reports.push(report);
+    }
+    if args.json {
+        messages::print_json(&reports, out).map_err(|e| Error::io("-", e))?;
+    }
+    outputs.save_report(args.report.as_deref(), &reports)
+}
+
+/// The differences of the means, and the photos of higher PSNR: `+0.21 dB, -0.0013 SSIM, 7 of 9
+/// photos better`.
+fn against(step: &RepresentationScore, first: &RepresentationScore) -> String {
+    let pairs = step.images.iter().zip(&first.images);
+    let better = pairs.filter(|(a, b)| a.score.psnr > b.score.psnr).count();
+    format!(
+        "{:+.3} dB, {:+.4} SSIM, {:+.4} FLIP, {better} of {} better",
+        step.mean.psnr - first.mean.psnr,
+        step.mean.ssim - first.mean.ssim,
+        step.mean.flip - first.mean.flip,
+        many(step.images.len() as u64, "photo")
+    )
 }
 
 /// Scores as text, in columns.
@@ -159,7 +223,11 @@ impl ScoreTable {
 
     fn end(&self, out: &mut dyn Write, report: &EvalReport) -> Result<()> {
         report.steps.iter().try_for_each(|step| self.mean(out, step, report))?;
-        report.steps.iter().try_for_each(|step| self.extrapolation(out, step))
+        report.steps.iter().try_for_each(|step| self.extrapolation(out, step))?;
+        let grade = report.steps.last().and_then(|step| Some((&step.name, step.grade?)));
+        grade.map_or(Ok(()), |(name, grade)| {
+            self.line(out, &format!("looks   {name:<5} {}: {}", grade.word(), grade.meaning()))
+        })
     }
 }
 
@@ -176,6 +244,13 @@ fn remark(step: &RepresentationScore, report: &EvalReport) -> String {
         remark += &format!(", {samples}×{samples} samples per pixel");
     }
     remark += &ShrunkSize::suffix(report.photo_size);
+    let made = match step.name.as_str() {
+        "soft" => ", as it was trained",
+        "solid" if report.steps.len() > 1 => ", after a default bake and with its backdrop",
+        "file" => ", the same written small and read back",
+        _ => "",
+    };
+    remark += made;
     if let Some(change) = &step.change {
         remark += &format!("; {:+.3} dB by this step", change.psnr);
     }

@@ -129,7 +129,7 @@ fn eval_prints_a_table_or_json_on_standard_output() {
     let rest: Vec<&str> = rows[7..].iter().map(|row| row[0]).collect();
     assert_eq!(
         rest,
-        ["depth", "exposed", "beside"],
+        ["depth", "exposed", "beside", "looks"],
         "after a header, 5 photos and a mean: {table}"
     );
     let psnr = |row: &[&str]| row[2].parse::<f64>().unwrap();
@@ -141,14 +141,30 @@ fn eval_prints_a_table_or_json_on_standard_output() {
     assert!(quiet.stderr.is_empty());
     assert_eq!(
         stdout(&quiet).lines().count(),
-        5,
-        "the header, the mean, depth, at own exposure and what is beside"
+        6,
+        "the header, the mean, depth, at own exposure, what is beside, and a word"
     );
 
     let json: serde_json::Value =
         serde_json::from_str(&stdout(&trisplat(&[&eval[..], &[&"--json"]].concat()))).unwrap();
     assert!((json["steps"][0]["mean"]["psnr"].as_f64().unwrap() - mean).abs() < 2e-3);
     assert_eq!(json["ssaa"], 4);
+}
+
+#[test]
+fn eval_of_several_scenes_compares_them_with_the_first() {
+    let scene = sample("trained.ply");
+    let same = [&"eval" as &dyn AsRef<std::ffi::OsStr>, &scene, &scene, &dataset()];
+    let how: [&dyn AsRef<std::ffi::OsStr>; 6] =
+        [&"--as", &"solid", &"--ssaa", &"1", &"--max-size", &"40"];
+    let table = stdout(&trisplat(&[&same[..], &how].concat()));
+    let rows: Vec<&str> = table.lines().collect();
+    assert!(rows.len() == 3 && !rows[1].contains("SSIM,"), "{table}");
+    let equal = "; +0.000 dB, +0.0000 SSIM, +0.0000 FLIP, 0 of 5 photos better";
+    assert!(rows[2].ends_with(equal), "{table}");
+    let json = stdout(&trisplat(&[&same[..], &how, &[&"--json"]].concat()));
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert!(json[1]["steps"][0]["grade"].is_string() && json[2].is_null(), "{json}");
 }
 
 #[test]
@@ -186,7 +202,8 @@ fn training_and_evaluation_say_the_same_of_a_solid_soup() {
     let held_out =
         said.lines().find_map(|line| line.split_once("held out ")).map(|(_, rest)| rest).unwrap();
     let train_psnr: f64 = held_out.split(' ').next().unwrap().parse().unwrap();
-    assert!(held_out.ends_with("(solid, 4×4 samples per pixel, photos at 80x60)"), "{held_out}");
+    let drawn = "(as trained, before a bake; drawn solid, 4×4 samples per pixel, photos at 80x60)";
+    assert!(held_out.ends_with(drawn), "{held_out}");
     let eval = stdout(&trisplat(&[
         &"eval",
         &out,

@@ -1,6 +1,7 @@
 //! An evaluation job, from options to report: photos, forms of the scene, scores.
 
 use super::extrapolation;
+use super::grade::{Grade, Look};
 use super::renderer::RenderOptions;
 use super::representations::{self, Representation};
 use super::scores::{self, EvalReport, ImageScore, RepresentationScore, ScoredPicture};
@@ -50,7 +51,7 @@ pub struct EvalJob {
     /// A mesh is drawn as an engine draws it. A soup is drawn soft, as it was trained; solid, after
     /// a bake with default options; and from a quantised and compressed file. This shows the loss
     /// of each step. Gaussian splats are drawn as their trainers draw them.
-    #[cfg_attr(feature = "cli", arg(value_name = "FILE"))]
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub file: PathBuf,
     /// Kind of drawing.
     #[cfg_attr(feature = "cli", command(flatten))]
@@ -215,6 +216,7 @@ impl<'a> ReadyEval<'a> {
         let mut photos = Photos::new(views.iter().map(|v| v.photo.clone()).collect(), photo_bytes);
         photos.prefetch(0..views.len());
         let mut images: Vec<Vec<ImageScore>> = vec![Vec::new(); self.steps.len()];
+        let mut looks: Vec<Vec<Look>> = vec![Vec::new(); self.steps.len()];
         let mut at_own: Vec<Option<f64>> = vec![Some(0.0); self.steps.len()];
         let mut secs = vec![0.0; self.steps.len()];
         for (i, view) in views.iter().enumerate() {
@@ -233,21 +235,26 @@ impl<'a> ReadyEval<'a> {
             for (sum, drawn) in at_own.iter_mut().zip(&drawn) {
                 *sum = sum.zip(drawn.psnr_own_exposure).map(|(sum, psnr)| sum + psnr);
             }
-            for (images, drawn) in images.iter_mut().zip(drawn) {
+            for ((images, looks), drawn) in images.iter_mut().zip(&mut looks).zip(drawn) {
+                looks.push(Look::of(&drawn.picture, &photo));
                 images.push(drawn.score);
             }
         }
         let mut scores: Vec<RepresentationScore> = Vec::with_capacity(self.steps.len());
-        for (((step, images), at_own), draw_secs) in
-            self.steps.iter().zip(images).zip(at_own).zip(secs)
+        for ((((step, images), looks), at_own), draw_secs) in
+            self.steps.iter().zip(images).zip(looks).zip(at_own).zip(secs)
         {
             let mean = scores::mean(images.iter().map(|image| &image.score));
+            let beside = step
+                .renderer
+                .surface()
+                .and_then(|(mesh, near)| extrapolation::coverage(mesh, near, self.dataset));
             let surface = step.renderer.surface().filter(|_| self.job.extrapolation);
             scores.push(RepresentationScore {
                 depth: surface
                     .and_then(|(mesh, near)| extrapolation::depth(mesh, near, self.dataset)),
-                beside: surface
-                    .and_then(|(mesh, near)| extrapolation::coverage(mesh, near, self.dataset)),
+                beside: beside.filter(|_| self.job.extrapolation),
+                grade: Some(Grade::of(Look::mean(&looks), beside)),
                 name: step.name.to_owned(),
                 triangles: step.triangles,
                 splats: step.renderer.splat_count(),

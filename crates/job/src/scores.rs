@@ -2,6 +2,7 @@
 //! drawing itself, and after the affine map of its colours that fits the photo best.
 
 use super::extrapolation::{CoverageScores, DepthScores};
+use super::grade::Grade;
 use glam::Vec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -65,6 +66,9 @@ pub struct RepresentationScore {
     /// Coverage of views beside the cameras; absent without a solid surface.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beside: Option<CoverageScores>,
+    /// How it looks, in one word; absent in older reports.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grade: Option<Grade>,
     /// Mean PSNR of drawings that are brought to the estimated exposure and white balance of each
     /// photo, dB: an estimate from tracked points, never fitted to the picture. Absent where a
     /// photo has none.
