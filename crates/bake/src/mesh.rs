@@ -134,7 +134,7 @@ pub fn mesh(
 
     let provenance = Provenance { backdrop_faces, ..scene.provenance };
     let points = views.as_deref().map_or(&[][..], Views::points);
-    let evidence = Evidence { cameras: &scene_cameras, points };
+    let evidence = Evidence { cameras: &scene_cameras, points, are_chosen: false };
     package(surface_mesh, provenance, evidence, options, report, observer)
 }
 

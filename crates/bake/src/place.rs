@@ -16,7 +16,7 @@ use trisplat_scene::math::geometry::{bounds, central};
 use trisplat_scene::math::lists::all_finite;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::ranges::{self, OptionNaming};
-use trisplat_scene::report::Outcome;
+use trisplat_scene::report::{Outcome, counted};
 use trisplat_scene::{
     Error, Placement, Provenance, Result, UpAxis, UpDirection, frames, parallel, stored_cameras,
 };
@@ -83,6 +83,20 @@ impl PlaceOptions {
 
 trisplat_scene::default!(PlaceOptions);
 
+/// What tells which direction is up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum UpBasis {
+    /// The option `up`.
+    Option,
+    /// The file.
+    File,
+    /// Cameras, and a level surface if there is one.
+    Cameras,
+    /// Nothing: COLMAP and its trainers mostly have it so.
+    Convention,
+}
+
 /// The move of the scene.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PlaceDetails {
@@ -93,6 +107,13 @@ pub struct PlaceDetails {
     /// without cameras.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimate: Option<UpEstimate>,
+    /// What tells the direction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub basis: Option<UpBasis>,
+    /// The up direction by the largest nearly level surface, where only convention tells it and that
+    /// surface is tilted; not used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tilted_floor: Option<[f64; 3]>,
     /// Turn about the up axis, degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotate: Option<f64>,
@@ -110,9 +131,41 @@ pub struct PlaceDetails {
 trisplat_scene::stage!(PlaceDetails, "place");
 
 impl PlaceDetails {
-    /// Warning if the up axis is a guess.
+    /// The direction and what tells it, as in "up -y by 42 cameras, 2° off level, and a surface".
+    pub fn basis(&self) -> Option<String> {
+        let up = shortened(self.up?.vector());
+        let by = match (self.basis?, &self.estimate) {
+            (UpBasis::Option, _) => "as given".to_owned(),
+            (UpBasis::File, _) => "by the file".to_owned(),
+            (UpBasis::Cameras, Some(estimate)) => {
+                let surface = if estimate.surface.is_some() { " and a surface" } else { "" };
+                let cameras = counted(estimate.cameras, "camera");
+                format!("by {cameras}, {:.0}° off level,{surface}", estimate.tilt)
+                    .trim_end_matches(',')
+                    .to_owned()
+            }
+            _ => "by convention".to_owned(),
+        };
+        Some(format!("up {up} {by}"))
+    }
+
+    /// Warning if the up axis is a guess, with the option that mends it where one is known.
     pub fn warning(&self) -> Option<String> {
+        if let (Some(floor), Some(up)) = (self.tilted_floor.map(DVec3::from), self.up) {
+            let degrees = floor.angle_between(up.vector()).to_degrees();
+            return Some(format!(
+                "nothing tells what is up, taken as {}, and the largest nearly level surface is {degrees:.0}° off: `up` {} levels it",
+                shortened(up.vector()),
+                shortened(floor)
+            ));
+        }
         let estimate = self.estimate.as_ref()?;
+        if let (Confidence::Low, Some(other)) = (estimate.confidence, estimate.other) {
+            return Some(format!(
+                "the up axis is a guess, as photos may be upright or on their side: `up` {} if the result lies on its side or its head",
+                shortened(other.into())
+            ));
+        }
         let why = match estimate.confidence {
             Confidence::High => return None,
             Confidence::Low => {
@@ -133,18 +186,25 @@ pub fn placement(
     details: &mut PlaceDetails,
 ) -> Placement {
     let scene = Foreground::new(mesh, provenance.backdrop_faces);
-    let up = match (options.up, provenance.up) {
-        (UpChoice::Given(up), _) => up,
+    let (up, basis) = match (options.up, provenance.up) {
+        (UpChoice::Given(up), _) => (up, UpBasis::Option),
         // glTF is Y-up, and so are files of an earlier bake.
-        (UpChoice::Auto, Some(UpAxis::Y)) => UpAxis::Y.into(),
-        (UpChoice::Auto, _) => {
-            details.estimate = up::estimate(scene, evidence);
+        (UpChoice::Auto, Some(UpAxis::Y)) => (UpAxis::Y.into(), UpBasis::File),
+        (UpChoice::Auto, said) => {
+            details.estimate = up::estimate(scene, evidence).filter(|_| !evidence.are_chosen);
             let usable = details.estimate.as_ref().filter(|e| e.confidence != Confidence::None);
-            usable.map_or(provenance.up_axis().into(), |e| {
-                UpDirection::near(DVec3::from(e.direction))
-            })
+            let known = usable.map(|e| UpDirection::near(DVec3::from(e.direction)));
+            match (known, said) {
+                (Some(up), _) => (up, UpBasis::Cameras),
+                (None, Some(axis)) => (axis.into(), UpBasis::File),
+                (None, None) => (provenance.up_axis().into(), UpBasis::Convention),
+            }
         }
     };
+    details.basis = Some(basis);
+    if basis == UpBasis::Convention && details.estimate.is_none() {
+        details.tilted_floor = up::tilted_floor(scene, up.vector()).map(|floor| floor.to_array());
+    }
     // Unlike the middle of the bounds the median does not follow a far background.
     let middle = if options.center { central(scene.vertices()) } else { None };
     let mut center = middle.unwrap_or_default().as_dvec3();
@@ -155,6 +215,15 @@ pub fn placement(
     }
     let scale = options.scale_by.map_or(options.scale, |length| length.scale());
     Placement { up, rotate: options.rotate, scale, center: center.to_array() }
+}
+
+/// A direction as the option `up` takes it, with three places.
+fn shortened(direction: DVec3) -> String {
+    let rounded = (direction * 1000.0).round() / 1000.0 + 0.0;
+    match UpDirection::near(rounded) {
+        UpDirection::Vector(_) => format!("{},{},{}", rounded.x, rounded.y, rounded.z),
+        axis @ UpDirection::Axis(_) => UpChoice::Given(axis).to_string(),
+    }
 }
 
 /// Moves `mesh` by `placement`, and records the move in `provenance` so that it can be undone.
@@ -477,7 +546,7 @@ mod under_tests {
         let faces = |rotate: f64| {
             let up = UpChoice::Given(UpAxis::Y.into());
             let options = PlaceOptions { up, rotate, ..PlaceOptions::DEFAULT };
-            let known = Evidence { cameras: &[photo], points: &[] };
+            let known = Evidence { cameras: &[photo], ..Evidence::default() };
             let how = placement_of(
                 true,
                 &mesh,

@@ -110,7 +110,8 @@ impl<'a> Recipe<'a> {
         cameras.store_in(&mut provenance);
         let normals =
             NormalSources { cameras: &cameras.visibility, surface: normal_surface.as_ref() };
-        let evidence = Evidence { cameras: &cameras.photos, points: pictures.points() };
+        let are_chosen = pictures.photos.as_deref().is_some_and(|views| views.are_chosen);
+        let evidence = Evidence { cameras: &cameras.photos, points: pictures.points(), are_chosen };
         let (asset, frame, viewpoint) =
             self.package(mesh, provenance.clone(), evidence, normals, None)?;
         self.warn_of_assumed_up(assumed_up.filter(|_| cameras.photos.is_empty()));

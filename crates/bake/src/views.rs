@@ -57,6 +57,8 @@ pub struct Views {
     exposures: Exposures,
     /// The scene is a part of what the photos show.
     part: bool,
+    /// The cameras were chosen for the pictures, and nobody held them.
+    pub(crate) are_chosen: bool,
 }
 
 impl Views {
@@ -81,6 +83,7 @@ impl Views {
             tracked: compared_points(dataset),
             exposures: Exposures::default(),
             part: false,
+            are_chosen: false,
         }
     }
 
@@ -94,6 +97,13 @@ impl Views {
         } else {
             views
         }
+    }
+
+    /// The same pictures; with `are_chosen`, the program has chosen their cameras, so they tell
+    /// nothing of what is up.
+    #[must_use]
+    pub fn of_chosen_cameras(self, are_chosen: bool) -> Self {
+        Self { are_chosen, ..self }
     }
 
     /// Pictures drawn for `cameras` in the frame of the scene, over black; their alpha is the
@@ -121,6 +131,7 @@ impl Views {
             tracked: None,
             exposures: Exposures::default(),
             part: false,
+            are_chosen: false,
         }
     }
 

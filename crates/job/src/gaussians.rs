@@ -120,6 +120,7 @@ pub(super) fn solid(
         // Cameras of photos look past what floats; chosen ones would show it.
         splats.remove_floaters();
     }
+    let has_cameras = photos.is_some() || !splats.cameras.is_empty();
     report.warnings.append(&mut splats.warnings);
     let placement = splats.provenance.placement;
     let to_file =
@@ -159,7 +160,8 @@ pub(super) fn solid(
         first.append(shell);
     }
     let (scene, stage) = train(splats.with(first), &dataset, how, &options, clock, observer)?;
-    let pictures = photos.is_none().then(|| Views::of_pictures(&dataset, how, teacher.covered()));
+    let pictures = || Views::of_pictures(&dataset, how, teacher.covered());
+    let pictures = photos.is_none().then(|| pictures().of_chosen_cameras(!has_cameras));
     Ok(Hardened { scene, pictures, stage })
 }
 

@@ -173,7 +173,7 @@ fn visible_areas(mesh: &Mesh, cameras: &[Camera], ball: Subject) -> Vec<f32> {
 /// the cameras.
 fn ways(mesh: &Mesh, cameras: &[Camera], file_up: Option<UpAxis>) -> Vec<DVec3> {
     let scene = Foreground::new(mesh, 0);
-    let evidence = Evidence { cameras, points: &[] };
+    let evidence = Evidence { cameras, ..Evidence::default() };
     let usable =
         || estimate(scene, evidence).filter(|estimate| estimate.confidence != Confidence::None);
     let up = match file_up {

@@ -26,6 +26,14 @@ const MAX_TILT_PER_SPREAD: f64 = 0.27;
 const RANDOM_TILT: f64 = 20.0;
 /// Below this median tilt, degrees, cameras alone are trusted.
 const STEADY_TILT: f64 = 8.0;
+/// Rows are more level than columns, or the reverse, where their tilt is smaller by this factor.
+const CLEARLY_LEVEL: f64 = 1.5;
+/// Mean sine of the angle by which cameras look down, above which their photos' side is known.
+const MIN_DOWN: f64 = 0.1;
+/// Directions of a larger cosine (20°) are one.
+const MAX_SAME: f64 = 0.94;
+/// Smallest angle to the up axis, degrees, at which a floor is called tilted.
+const MIN_FLOOR_TILT: f64 = 3.0;
 /// Largest angle between a level surface and the cameras' estimate, degrees.
 const WIDEST_CONE: f64 = 20.0;
 /// The same where cameras agree exactly, degrees.
@@ -69,6 +77,10 @@ pub struct UpEstimate {
     /// The surface that decided, if one was clear.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surface: Option<LevelSurface>,
+    /// Another direction that the cameras fit nearly as well: photos may be stored upright or on
+    /// their side, turned either way.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub other: Option<[f64; 3]>,
     /// Reliability.
     pub confidence: Confidence,
 }
@@ -90,6 +102,9 @@ pub struct Evidence<'a> {
     pub cameras: &'a [Camera],
     /// Points of the photos' reconstruction; may be empty.
     pub points: &'a [Vec3],
+    /// The cameras were chosen for drawings, by the up axis that the scene was taken to have: they
+    /// tell nothing of it.
+    pub are_chosen: bool,
 }
 
 /// Estimates the up axis of a scene from the cameras that look at it; `None` without cameras.
@@ -109,13 +124,18 @@ pub(crate) fn estimate(scene: Foreground, evidence: Evidence) -> Option<UpEstima
     } else {
         None
     };
+    let is_either_way = by_cameras.other.is_some_and(|other| other == -by_cameras.up);
     let confidence = match &surface {
         _ if by_cameras.tilt >= RANDOM_TILT => Confidence::None,
+        _ if is_either_way => Confidence::Low,
         Some(_) => Confidence::High,
+        None if by_cameras.other.is_some() => Confidence::Low,
         None if !by_cameras.is_open && by_cameras.tilt <= STEADY_TILT => Confidence::High,
         None => Confidence::Low,
     };
     let up = surface.as_ref().map_or(by_cameras.up, |s| s.normal);
+    let other = if is_either_way { Some(-up) } else { by_cameras.other };
+    let other = other.filter(|_| is_either_way || surface.is_none()).map(|up| up.to_array());
     let surface = surface.map(|s| LevelSurface {
         share: s.share,
         degrees: s.normal.angle_between(by_cameras.up).to_degrees(),
@@ -126,8 +146,16 @@ pub(crate) fn estimate(scene: Foreground, evidence: Evidence) -> Option<UpEstima
         cameras,
         tilt: by_cameras.tilt,
         surface,
+        other,
         confidence,
     })
+}
+
+/// The normal of the largest nearly level surface of a scene whose `up` nothing tells, if it is
+/// tilted to that.
+pub(crate) fn tilted_floor(scene: Foreground, up: DVec3) -> Option<DVec3> {
+    let floor = surface(scene, Evidence::default(), up, WIDEST_CONE)?;
+    (floor.normal.angle_between(up).to_degrees() > MIN_FLOOR_TILT).then_some(floor.normal)
 }
 
 /// The up axis estimated from cameras alone.
@@ -137,15 +165,28 @@ struct CameraUp {
     tilt: f64,
     /// True when rows agree with more than one direction, for example when all look the same way.
     is_open: bool,
+    /// The direction by the other of rows and columns, if it is nearly as level.
+    other: Option<DVec3>,
 }
 
 /// From the rows of the photos, or from their columns where these are level: photos of a phone that
 /// are stored on their side.
 fn from_cameras(cameras: &[Camera]) -> Option<CameraUp> {
     let by_rows = from_level_lines(cameras, 0)?;
-    let by_columns = from_level_lines(cameras, 1)
-        .filter(|columns| by_rows.is_open && !columns.is_open && columns.tilt < by_rows.tilt);
-    Some(by_columns.unwrap_or(by_rows))
+    let by_columns = from_level_lines(cameras, 1).filter(|columns| !columns.is_open);
+    let Some(by_columns) = by_columns else { return Some(by_rows) };
+    let factor = if by_rows.is_open { 1.0 } else { CLEARLY_LEVEL };
+    if factor * by_columns.tilt < by_rows.tilt {
+        // Photos on their side were turned either way: only cameras that look down tell which.
+        let ahead = cameras.iter().map(|camera| camera.rotation.row(2).as_dvec3());
+        let down = -ahead.map(|ahead| ahead.dot(by_columns.up)).sum::<f64>();
+        let is_unsure = down < MIN_DOWN * cameras.len() as f64;
+        return Some(CameraUp { other: is_unsure.then_some(-by_columns.up), ..by_columns });
+    }
+    let is_doubtful = !by_rows.is_open
+        && by_columns.tilt < CLEARLY_LEVEL * by_rows.tilt
+        && by_columns.up.dot(by_rows.up).abs() < MAX_SAME;
+    Some(CameraUp { other: is_doubtful.then_some(by_columns.up), ..by_rows })
 }
 
 /// From the rows (`axis` 0) or columns (1) of photos, which are taken to be level.
@@ -181,7 +222,7 @@ fn from_level_lines(cameras: &[Camera], axis: usize) -> Option<CameraUp> {
     let up = if sign < 0.0 { -up } else { up };
     let tilt = |r: &DVec3| libm::asin(r.dot(up).clamp(-1.0, 1.0)).abs().to_degrees();
     let tilt = median(lines.iter().map(tilt).collect(), f64::total_cmp)?;
-    Some(CameraUp { up, tilt, is_open })
+    Some(CameraUp { up, tilt, is_open, other: None })
 }
 
 /// The direction with the least sum of limited tilts, and the spread of the rows.
@@ -365,7 +406,7 @@ mod tests {
     }
 
     fn estimate_of(mesh: &Mesh, cameras: &[Camera]) -> Option<UpEstimate> {
-        estimate(Foreground::new(mesh, 0), Evidence { cameras, points: &[] })
+        estimate(Foreground::new(mesh, 0), Evidence { cameras, ..Evidence::default() })
     }
 
     fn degrees(estimate: &UpEstimate, up: Vec3) -> f64 {
@@ -404,6 +445,39 @@ mod tests {
                 "{side}: {found:?}"
             );
         }
+    }
+
+    #[test]
+    fn photos_on_their_side_among_tilted_ones_are_known_by_their_columns() {
+        // Nine of ten on their side, some tilted by the hand that turned them.
+        let up = Vec3::new(0.9, 0.15, 0.4).normalize();
+        let roll = |i: usize| if i % 10 == 0 { 0.0 } else { 1.57 + 0.06 * ((i % 5) as f32 - 2.0) };
+        let found = estimate_of(&Mesh::default(), &ring(77, up, roll)).expect("cameras");
+        assert!(degrees(&found, up) < 3.0, "{found:?}");
+        assert_eq!((found.confidence, found.other), (Confidence::High, None), "{found:?}");
+        // Nearly level cameras do not tell which side is up.
+        let level: Vec<Camera> = (0..20)
+            .map(|i| {
+                let angle = i as f32 * 2.4;
+                let eye = 5.0 * Vec3::new(angle.cos(), 0.05, angle.sin());
+                let upright = CAMERA.with_look_at(eye, Vec3::ZERO, Vec3::Y);
+                let rotation = Mat3::from_rotation_z(1.57) * upright.rotation;
+                Camera { rotation, translation: -(rotation * eye), ..upright }
+            })
+            .collect();
+        let found = estimate_of(&Mesh::default(), &level).expect("cameras");
+        let other = DVec3::from(found.other.expect("the other way"));
+        assert!(found.confidence == Confidence::Low && other.y.abs() > 0.99, "{found:?}");
+    }
+
+    #[test]
+    fn a_tilted_floor_is_named_and_a_level_one_is_not() {
+        let tilted = Mat3::from_rotation_x(0.2) * Vec3::NEG_Y;
+        let mesh = table(tilted, 6000);
+        let floor = tilted_floor(Foreground::new(&mesh, 0), DVec3::NEG_Y).expect("a floor");
+        assert!(floor.angle_between(tilted.as_dvec3()).to_degrees() < 1.0, "{floor}");
+        let level = table(Vec3::NEG_Y, 6000);
+        assert_eq!(tilted_floor(Foreground::new(&level, 0), DVec3::NEG_Y), None);
     }
 
     #[test]
@@ -458,7 +532,7 @@ mod tests {
         let slab = Mat3::from_rotation_z(0.08) * up;
         let points = table(slab, 3000).positions;
         let cameras = ring(24, up, |i| 0.06 * (i % 5) as f32 - 0.12);
-        let known = Evidence { cameras: &cameras, points: &points };
+        let known = Evidence { cameras: &cameras, points: &points, are_chosen: false };
         let found = estimate(Foreground::new(&Mesh::default(), 0), known).expect("cameras");
         assert!(found.surface.is_some() && degrees(&found, slab) < 0.5, "{found:?}");
     }
@@ -512,7 +586,7 @@ mod tests {
                 let cameras: Vec<Camera> = dataset.views.iter().map(|v| v.camera).collect();
                 let points: Vec<Vec3> = dataset.points.iter().map(|p| p.position).collect();
                 let points = if with_points { points } else { Vec::new() };
-                let known = Evidence { cameras: &cameras, points: &points };
+                let known = Evidence { cameras: &cameras, points: &points, are_chosen: false };
                 let found = estimate(Foreground::new(&Mesh::default(), 0), known).expect("cameras");
                 let mut named: Vec<_> =
                     dataset.views.iter().map(|v| (v.name.clone(), v.camera)).collect();
