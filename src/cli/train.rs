@@ -288,11 +288,15 @@ fn checkpoint_to_resume(
         Some(id) => {
             let flag =
                 if id == "sets" { "--set".into() } else { format!("--{}", id.replace('_', "-")) };
-            Err(Error::invalid(
-                flag,
-                "given with --resume",
-                "the options of the checkpoint, or a new run",
-            ))
+            let wants = match id.as_str() {
+                "steps" | "budget" | "budget_wall" => format!(
+                    "the {} of its run, towards whose end all rates fall; finish it, then train on from its scene with `--from {}`",
+                    counted(checkpoint.meta.options.steps, "step"),
+                    train_args::quoted(&args.output.to_string_lossy())
+                ),
+                _ => "the options of the checkpoint, or a new run".into(),
+            };
+            Err(Error::invalid(flag, "given with --resume", wants))
         }
         None => Ok((Some(checkpoint), warnings)),
     }
@@ -442,14 +446,15 @@ fn written_line(args: &TrainArgs, trained: &Trained) -> String {
     let held_out = match trained.quality() {
         Some(Quality { psnr, ssim }) => {
             let drawn = match trained.samples {
-                Some(n) => format!("solid, {n}×{n} samples per pixel"),
-                None => "soft".to_owned(),
+                Some(n) => format!("drawn solid, {n}×{n} samples per pixel"),
+                None => "drawn soft".to_owned(),
             };
             let size = ShrunkSize::suffix(trained.photo_size);
             let corrected = trained.psnr_corrected();
             let corrected =
                 corrected.map_or(String::new(), |p| format!(", {p:.2} dB with corrected colours"));
-            format!(", held out {psnr:.2} dB / {ssim:.4} ({drawn}{size}){corrected}")
+            let when = "as trained, before a bake";
+            format!(", held out {psnr:.2} dB / {ssim:.4} ({when}; {drawn}{size}){corrected}")
         }
         None => String::new(),
     };

@@ -138,7 +138,7 @@ pub struct TrainArgs {
         arg(help = "Watch the scene in a window while it trains (not in this build)")
     )]
     pub view: bool,
-    /// Stop like Ctrl-C after this many CPU seconds; 0: never.
+    /// Stop like Ctrl-C after this many CPU seconds of this run; 0: never.
     #[arg(long, value_name = "SECS", default_value_t = 0.0, value_parser = seconds)]
     pub max_cpu_secs: f64,
     /// Choose steps, triangles and the size of photos so that the command takes this much CPU time,

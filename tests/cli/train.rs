@@ -81,6 +81,29 @@ fn resume_by_the_printed_command_gives_the_same_bytes() {
 }
 
 #[test]
+fn resumed_run_has_its_own_cpu_limit_and_says_how_to_train_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = |output: &Output| {
+        let said = stderr(output);
+        let line = said.lines().find(|line| line.starts_with("wrote a.ply")).unwrap().to_owned();
+        let steps = line.split(", ").find_map(|part| part.strip_suffix(" steps")).unwrap();
+        steps.replace(',', "").parse::<u64>().unwrap()
+    };
+    let flags = ["-o", "a.ply", "--max-cpu-secs", "0.3"];
+    let first =
+        made(&succeed(&mut train(folder.path(), &[&flags[..], &["--steps", "9000"]].concat())));
+    let resume = [&flags[..], &["--resume", "a.checkpoint", "--force"]].concat();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    command.current_dir(folder.path()).arg("train").arg(dataset()).stdin(Stdio::null());
+    command.args(["--max-size", "80", "--background", "#203040"]);
+    let second = made(&succeed(command.args(&resume)));
+    assert!(second > first + 3, "{first}, {second}");
+    let refused = stderr(&command.args(["--steps", "12000"]).output().unwrap());
+    let wants = "--from a.ply";
+    assert!(refused.contains("the 9000 steps of its run") && refused.contains(wants), "{refused}");
+}
+
+#[test]
 fn a_preset_that_is_set_has_its_own_values() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(

@@ -555,7 +555,9 @@ impl<'a> Training<'a> {
         self.correct_pace(record)?;
         let is_over = self.is_over();
         let max_cpu_secs = self.outputs.max_cpu_secs;
-        let is_spent = max_cpu_secs > 0.0 && sample.cpu_secs >= max_cpu_secs;
+        // Of this run: a resumed one has spent some before.
+        let spent = sample.cpu_secs - self.meta.cpu_secs;
+        let is_spent = max_cpu_secs > 0.0 && spent >= max_cpu_secs;
         let is_stopped = !is_over && (is_spent || record.stop_requested);
         // `Training::final_scores` keeps and evaluates the last sample.
         if !is_over && is_kept {
