@@ -10,22 +10,21 @@ use super::progress::Progress;
 use super::terminal::Terminal;
 use super::{GlobalArgs, signals};
 use clap::ArgMatches;
+use indicatif::HumanDuration;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Duration;
 use trisplat_bake::BakeOptions;
 use trisplat_dataset::capture::CaptureOptions;
 use trisplat_dataset::{DatasetOptions, ShrunkSize};
 use trisplat_formats::output::OutputFormat;
-use trisplat_job::{Event, MakeDone, MakeJob, MakePart};
+use trisplat_job::{Event, Grade, MakeDone, MakeJob, MakePart};
 use trisplat_scene::math::lists::median;
-use trisplat_scene::report::counted;
-use trisplat_scene::{Error, Result, Seconds};
+use trisplat_scene::report::{OutputReport, counted};
+use trisplat_scene::{Error, Result, Seconds, parallel};
 use trisplat_train::budget::BudgetDetails;
 use trisplat_train::{BackendOptions, TrainDetails, TrainOptions};
 
-/// From here on nothing needs to be done about a scene of that many photos, dB on held-out ones:
-/// fewer leave more unseen.
-const GOOD_PSNR: [(usize, f64); 3] = [(60, 28.0), (30, 25.0), (0, 22.0)];
 /// A photo that is so much worse than half of the others, dB, was blurred or moved, or its pose is
 /// wrong.
 const FAR_BELOW: f64 = 5.0;
@@ -167,13 +166,20 @@ fn say(done: &MakeDone, args: &MakeArgs, work: &str, progress: &Progress) {
         progress.line(&format!("stopped; the same command goes on from {work}"));
         return;
     }
-    for file in &done.report.outputs {
+    // What a viewer that frames the whole file should open goes first.
+    let mut files: Vec<&OutputReport> = done.report.outputs.iter().collect();
+    files.sort_by_key(|file| Some(Path::new(&file.path)) != done.subject.as_deref());
+    for file in files {
         let bytes = super::messages::thousands(file.bytes);
         progress.line(&format!(
             "wrote {} ({bytes} bytes){}",
             file.path,
             purpose(Path::new(&file.path), done, args)
         ));
+    }
+    if let Some(why) = done.no_subject {
+        let whole = args.output.display();
+        progress.line(&format!("no file of the subject alone, as {why}; {whole} is the scene"));
     }
     if let Some(details) = done.report.details::<TrainDetails>() {
         for line in verdict(&details, done, args) {
@@ -199,8 +205,7 @@ fn purpose(file: &Path, done: &MakeDone, args: &MakeArgs) -> &'static str {
     }
 }
 
-/// The score of the file, as `trisplat eval` has it, what it is worth for that many photos, and
-/// what comes next.
+/// The score of the file and its grade, as `trisplat eval` has them, and what comes next.
 fn verdict(details: &TrainDetails, done: &MakeDone, args: &MakeArgs) -> Vec<String> {
     let of_training = || Some((details.psnr?, details.ssim?));
     let of_file = done.score.as_ref().map(|score| (score.mean.psnr, score.mean.ssim));
@@ -219,9 +224,11 @@ fn verdict(details: &TrainDetails, done: &MakeDone, args: &MakeArgs) -> Vec<Stri
     let half = median(photos.iter().map(|photo| photo.1).collect(), f64::total_cmp).unwrap_or(psnr);
     let size = ShrunkSize::suffix(details.photo_size);
     let count = counted(done.trained_on as u64, "photo");
+    let grade = done.score.as_ref().and_then(|score| score.grade);
+    let words =
+        grade.map_or(String::new(), |grade| format!(": {}, {}", grade.word(), grade.meaning()));
     let mut lines = vec![format!(
-        "{psnr:.1} dB / {ssim:.3} on photos that training did not see{size}: {} for {count}",
-        worth(half, done.trained_on)
+        "{psnr:.1} dB / {ssim:.3} on photos that training did not see{size}, of {count}{words}"
     )];
     let below: Vec<String> = photos
         .iter()
@@ -235,25 +242,10 @@ fn verdict(details: &TrainDetails, done: &MakeDone, args: &MakeArgs) -> Vec<Stri
         ));
     }
     let helps = done.earlier.is_none_or(|earlier| psnr >= earlier + MIN_GAIN);
-    if half < good(done.trained_on) {
+    if grade != Some(Grade::Good) {
         lines.extend(next(details, &photos, helps, args.steps, args.budget));
     }
     lines
-}
-
-/// The PSNR that captures of that many photos reach when nothing is wrong, dB.
-fn good(photos: usize) -> f64 {
-    GOOD_PSNR.iter().find(|(least, _)| photos >= *least).map_or(0.0, |(_, psnr)| *psnr)
-}
-
-/// A held-out PSNR in the words of docs/from-photos.md.
-fn worth(psnr: f64, photos: usize) -> &'static str {
-    match psnr - good(photos) {
-        off if off >= 0.0 => "good",
-        off if off >= -3.0 => "looks right",
-        off if off >= -8.0 => "recognisable",
-        _ => "something is wrong, poses or exposure,",
-    }
 }
 
 /// Advice for a better scene: more time, if it was used up and time `helps`, and photos of the worst
@@ -290,9 +282,14 @@ fn next(
 /// Use of the budget, as a part begins.
 fn announced(part: MakePart, budget: Seconds) -> Option<String> {
     match part {
-        MakePart::Capture => Some(format!(
-            "camera poses are found first; the {budget} of --budget are for training and bake, and begin after that"
-        )),
+        MakePart::Capture => {
+            let threads = parallel::threads();
+            let time = HumanDuration(Duration::from_secs_f64(budget.0 / threads as f64));
+            Some(format!(
+                "camera poses are found first; the {budget} of --budget are for training and bake, and begin after that: {time} on {}",
+                counted(threads as u64, "thread")
+            ))
+        }
         MakePart::Train => Some(format!(
             "of the {budget} of --budget, most are for training and the rest for the bake"
         )),
@@ -320,15 +317,5 @@ mod tests {
             said.starts_with("next: more photos of what b.jpg"),
             "time did not help before: {said}"
         );
-    }
-
-    #[test]
-    fn few_photos_are_judged_by_what_few_photos_reach() {
-        assert_eq!(
-            [worth(28.0, 100), worth(22.0, 18), worth(22.0, 100)],
-            ["good", "good", "recognisable"]
-        );
-        assert_eq!([worth(19.5, 25), worth(18.2, 18)], ["looks right", "recognisable"]);
-        assert!(worth(7.1, 5).starts_with("something is wrong"));
     }
 }

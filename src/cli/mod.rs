@@ -13,6 +13,7 @@ pub mod make;
 pub mod mesh;
 pub mod messages;
 mod outputs;
+mod pace;
 pub mod plan;
 pub mod program;
 pub mod progress;

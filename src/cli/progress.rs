@@ -2,11 +2,12 @@
 //! and the stage table.
 
 use super::messages::{self, many, thousands};
+use super::pace::{Pace, time_left};
 use super::{GlobalArgs, flags};
-use indicatif::{HumanCount, HumanDuration, ProgressBar, ProgressStyle};
+use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
-use trisplat_bake::{BackdropDetails, TeacherDetails, TextureDetails};
+use trisplat_bake::{BackdropDetails, PlaceDetails, TeacherDetails, TextureDetails};
 use trisplat_dataset::capture::{
     FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails,
 };
@@ -21,10 +22,6 @@ const SPINNER: &str = "{spinner} {prefix:<10} {elapsed}  {msg}";
 const BAR: &str = "{spinner} {prefix:<10} {bar:30} {percent:>3}%  {msg}";
 /// Length of a bar, in units of its position.
 const BAR_LENGTH: u64 = 1000;
-/// Minimum share of a stage before the time left is shown.
-const MIN_FRACTION: f64 = 0.02;
-/// Minimum time before the time left is shown.
-const MIN_TIME: Duration = Duration::from_millis(500);
 /// Minimum seconds of a stage that changed nothing, for it to get a line.
 const MIN_SKIPPED_SECS: f64 = 0.1;
 
@@ -67,12 +64,15 @@ impl Drop for Lines {
 }
 
 /// Prints the stage table to stderr; shows a spinner or a bar for the running stage when stderr is
-/// a TTY.
+/// a TTY, and otherwise a line now and then.
 #[derive(Debug)]
 pub struct Progress {
     lines: Lines,
     /// When the running stage started, and its progress if it reports any.
     running: (Instant, Option<f64>),
+    /// Name of the running stage.
+    name: String,
+    pace: Pace,
     /// Spells the fields named in reasons and warnings as flags.
     command: clap::Command,
 }
@@ -89,7 +89,9 @@ impl Progress {
             }
             bar
         });
-        Self { lines, running: (Instant::now(), None), command: clap::Command::default() }
+        let running = (Instant::now(), None);
+        let command = clap::Command::default();
+        Self { lines, running, name: String::new(), pace: Pace::new(0.0), command }
     }
 
     /// Spells the fields named in reasons and warnings as the flags of `command`.
@@ -159,8 +161,11 @@ impl Progress {
         }
     }
 
-    fn show_start(&mut self, name: &str) {
+    /// Shows a stage that starts.
+    pub(super) fn show_start(&mut self, name: &str) {
         self.running = (Instant::now(), None);
+        name.clone_into(&mut self.name);
+        self.pace = Pace::new(0.0);
         if let Some(bar) = &self.lines.bar {
             set_template(bar, SPINNER);
             bar.set_prefix(name.to_owned());
@@ -168,7 +173,8 @@ impl Progress {
         }
     }
 
-    fn show_progress(&mut self, fraction: f64) {
+    /// Shows the share of the running stage that is done.
+    pub(super) fn show_progress(&mut self, fraction: f64) {
         let (start, before) = self.running;
         let fraction = fraction.max(before.unwrap_or(0.0));
         self.running.1 = Some(fraction);
@@ -177,7 +183,9 @@ impl Progress {
                 set_template(bar, BAR);
             }
             bar.set_position((fraction * BAR_LENGTH as f64) as u64);
-            bar.set_message(time_left(start.elapsed(), fraction).unwrap_or_default());
+            bar.set_message(time_left(start.elapsed(), fraction, 0.0).unwrap_or_default());
+        } else if let Some(text) = self.pace.due(fraction) {
+            self.line(&format!("{:<11}{text}", self.name));
         }
     }
 
@@ -198,15 +206,6 @@ fn set_template(bar: &ProgressBar, template: &str) {
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
     }
-}
-
-/// "12s left" at the present rate; `None` when it is too early to tell.
-fn time_left(elapsed: Duration, fraction: f64) -> Option<String> {
-    let is_reliable = fraction >= MIN_FRACTION && elapsed >= MIN_TIME;
-    is_reliable.then(|| {
-        let seconds = elapsed.as_secs_f64() * (1.0 - fraction.min(1.0)) / fraction;
-        format!("{} left", HumanDuration(Duration::from_secs_f64(seconds.ceil())))
-    })
 }
 
 /// True for a stage with a line: one that changed something, took long, or was requested.
@@ -233,6 +232,9 @@ fn row(stage: &StageReport) -> String {
             String::new()
         };
         return format!("{name:<11}not needed: {why}{took}");
+    }
+    if let Some(basis) = stage.details_as::<PlaceDetails>().and_then(|place| place.basis()) {
+        return format!("{name:<11}{basis:<36}{:>8.2} s", stage.seconds);
     }
     if let Some(text) = capture_row(stage) {
         return format!("{name:<11}{text:<55} {:>8.2} s", stage.seconds);
@@ -287,7 +289,8 @@ fn capture_row(stage: &StageReport) -> Option<String> {
     if let Some(MatchesDetails { how, pairs }) = stage.details_as() {
         return Some(pairs.map_or(how.clone(), |pairs| format!("{}, {how}", many(pairs, "pair"))));
     }
-    if let Some(ModelDetails { mapper, registered, photos, models, straight }) = stage.details_as()
+    if let Some(ModelDetails { mapper, registered, photos, models, straight, .. }) =
+        stage.details_as()
     {
         let parts = if models > 1 { format!(", in {models} parts") } else { String::new() };
         let lens = if straight { ", lens without distortion" } else { "" };
@@ -329,15 +332,6 @@ fn verdict(details: &VerdictDetails) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn time_left_is_in_proportion_to_what_is_left() {
-        let left = |elapsed, fraction| time_left(Duration::from_secs(elapsed), fraction);
-        assert_eq!(left(10, 0.25).as_deref(), Some("30 seconds left"));
-        assert_eq!(left(100, 1.0).as_deref(), Some("0 seconds left"));
-        assert_eq!(left(100, 0.001), None, "too little is done");
-        assert_eq!(left(0, 0.5), None, "too early");
-    }
 
     #[test]
     fn only_what_happened_is_told_and_what_was_tried() {

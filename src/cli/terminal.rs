@@ -77,7 +77,12 @@ impl<'a> Terminal<'a> {
             Event::Exposure(evidence) => self.line(&exposure(evidence)),
             Event::Teacher(_) => {}
             Event::PicturesDrawn { done, all } => {
-                let progress = self.drawing.get_or_insert_with(|| Progress::new(self.global));
+                let progress = self.drawing.get_or_insert_with(|| {
+                    let mut progress = Progress::new(self.global);
+                    progress.show_start("drawing");
+                    progress
+                });
+                progress.show_progress(done as f64 / all.max(1) as f64);
                 progress.note(&format!("drawing soft pictures: {done} of {all}"));
             }
             Event::SizeLimit { limit, triangles } => {
@@ -142,8 +147,13 @@ impl<'a> Terminal<'a> {
                 if begins.card.is_some() {
                     bar.rate_from = Some(done);
                 }
-                if let Some(plan) = &begins.plan {
-                    bar.line(plan);
+                match &begins.plan {
+                    Some(plan) => bar.line(plan),
+                    // A part of a bake.
+                    None if begins.photos.is_none() => {
+                        bar.line(&format!("solid triangles are trained: {count}"));
+                    }
+                    None => {}
                 }
                 if done > 0 {
                     bar.line(&format!("the training goes on after {done} of {steps} steps"));

@@ -2,6 +2,7 @@
 
 use super::GlobalArgs;
 use super::messages::{Stdout, many};
+use super::pace::Pace;
 use super::progress::Lines;
 use super::signals::Listener;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -30,6 +31,8 @@ pub struct TrainProgress {
     steps: u64,
     /// The last percentage that was printed; `None` with a bar, and unless verbose.
     percent: Option<u64>,
+    /// Lines without a bar, unless verbose.
+    pace: Pace,
     /// Steps made when the measurement of the rate began; `None` once the rate was printed.
     pub rate_from: Option<u64>,
 }
@@ -57,11 +60,12 @@ impl TrainProgress {
         });
         let log = log.map(|path| open_log(path, earlier_samples)).transpose()?;
         let percent = (lines.verbose && lines.bar.is_none()).then(|| percent(done, steps));
+        let pace = Pace::new(done as f64 / steps.max(1) as f64);
         let stop = Some(Listener::new());
         let lost = Vec::new();
         let held_out = None;
         let rate_from = None;
-        Ok(Self { lines, log, lost, stop, held_out, steps, percent, rate_from })
+        Ok(Self { lines, log, lost, stop, held_out, steps, percent, pace, rate_from })
     }
 
     /// Prints a line above the bar; nothing when quiet.
@@ -180,6 +184,10 @@ impl TrainProgress {
         } else if self.percent.is_some_and(|before| now > before) {
             self.percent = Some(now);
             self.line(&format!("{now:>3}%  step {}/{}  {}", sample.step, self.steps, status()));
+        } else if self.percent.is_none()
+            && let Some(text) = self.pace.due(sample.step as f64 / self.steps.max(1) as f64)
+        {
+            self.line(&format!("step {}/{}  {}  {text}", sample.step, self.steps, status()));
         }
     }
 

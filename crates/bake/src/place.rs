@@ -202,7 +202,9 @@ pub fn placement(
         }
     };
     details.basis = Some(basis);
-    if basis == UpBasis::Convention && details.estimate.is_none() {
+    // Meshes are made upright.
+    let may_be_tilted = details.estimate.is_none() && provenance.usual_up.is_none();
+    if basis == UpBasis::Convention && may_be_tilted {
         details.tilted_floor = up::tilted_floor(scene, up.vector()).map(|floor| floor.to_array());
     }
     // Unlike the middle of the bounds the median does not follow a far background.

@@ -95,6 +95,8 @@ pub struct MakeDone {
     pub trained_on: usize,
     /// The file of the subject alone, if the capture has one.
     pub subject: Option<PathBuf>,
+    /// Reason why there is none, where one was tried.
+    pub no_subject: Option<&'static str>,
     /// True after a stop; the same job continues from there.
     pub stopped: bool,
 }
@@ -206,6 +208,7 @@ impl MakeJob {
             earlier: None,
             trained_on: 0,
             subject: None,
+            no_subject: None,
             stopped: false,
         };
         if let [posed] = &self.inputs[..]
@@ -240,7 +243,7 @@ impl MakeJob {
     fn bake_and_score(&mut self, done: &mut MakeDone, observer: Observer<'_>) -> Result<()> {
         let photos = Dataset::load(&done.dataset, &self.dataset_options)?;
         let subject = self.bake(&photos, &mut done.report, observer);
-        done.subject = subject.map_err(|error| match error {
+        (done.subject, done.no_subject) = subject.map_err(|error| match error {
             Error::ForeignPhotos { fault, .. } => {
                 let reason = format!(
                     "has {fault}; train longer, or take photos that overlap by half or more"
@@ -473,14 +476,14 @@ impl MakeJob {
         options
     }
 
-    /// Bakes, and writes the file, the page, and the file of the subject, whose path it returns.
-    /// The notes list them until all are written.
+    /// Bakes, and writes the file, the page, and the file of the subject, whose path it returns, or
+    /// else why there is none. The notes list them until all are written.
     fn bake(
         &mut self,
         photos: &Dataset,
         report: &mut Report,
         observer: Observer<'_>,
-    ) -> Result<Option<PathBuf>> {
+    ) -> Result<(Option<PathBuf>, Option<&'static str>)> {
         let planned = self.bake.plan_output(&self.output, None)?;
         let unfinished = self.unfinished();
         let mut new: Vec<PathBuf> = planned.paths().map(Path::to_owned).collect();
@@ -501,10 +504,12 @@ impl MakeJob {
         warn(report, done.report.warnings);
         let subject = match self.subject_file() {
             Some(file) if observer(Event::Part(MakePart::Subject)).is_continue() => {
-                let written = write_subject(of_subject, &file, &mut done.asset, report, observer)?;
-                written.then_some(file)
+                match write_subject(of_subject, &file, &mut done.asset, report, observer)? {
+                    None => (Some(file), None),
+                    why => (None, why),
+                }
             }
-            _ => None,
+            _ => (None, None),
         };
         if let Some(page) = &self.page {
             let mut options = BakeOptions::default();
@@ -519,25 +524,28 @@ impl MakeJob {
 }
 
 /// Bakes the subject, writes its file, and lets `whole` begin at the photo that shows it best.
-/// Returns false where nothing stands out, as in a room, and where it is all of `whole`.
+/// Returns the reason if there is nothing to write.
 fn write_subject(
     mut job: BakeJob,
     file: &Path,
     whole: &mut Asset,
     report: &mut Report,
     observer: Observer<'_>,
-) -> Result<bool> {
+) -> Result<Option<&'static str>> {
     let planned = job.options.plan_output(file, None)?;
     let options = job.options.output.clone();
     let done = match job.run(observer) {
-        Err(Error::EmptyRegion { .. }) => return Ok(false),
+        Err(Error::EmptyRegion { .. }) => return Ok(Some("nothing stands out in it")),
         done => done?,
     };
     let share = done.crop.subject_share;
     let is_all =
         !whole.has_backdrop() && 4 * done.asset.mesh.face_count() > 3 * whole.mesh.face_count();
-    if is_all || share.is_none_or(|share| share > MAX_SUBJECT_SHARE) {
-        return Ok(false);
+    if is_all {
+        return Ok(Some("it is hardly more than its subject"));
+    }
+    if share.is_none_or(|share| share > MAX_SUBJECT_SHARE) {
+        return Ok(Some("what the photos look at is around them, as a room is"));
     }
     output::write(
         &done.asset,
@@ -553,7 +561,7 @@ fn write_subject(
         whole.provenance.viewpoint = viewpoint.map(|first| moved.viewpoint_to_file(&first));
     }
     warn(report, done.report.warnings);
-    Ok(true)
+    Ok(None)
 }
 
 /// Add warnings that `report` does not have yet.

@@ -26,6 +26,8 @@ const MAX_EXHAUSTIVE_PHOTOS: usize = 150;
 const NEIGHBOURS: usize = 10;
 /// Number of video frames that are all compared with each other, to close loops.
 const LANDMARKS: usize = 40;
+/// Maximum number of models whose photos are counted in the report.
+const MAX_PARTS: usize = 8;
 /// Folder of the models whose lens has no distortion.
 const STRAIGHT: &str = "straight";
 /// Share of registered photos below which the other mapper is tried too.
@@ -65,6 +67,9 @@ pub struct ModelDetails {
     pub photos: u64,
     /// Number of separate models; the largest is kept.
     pub models: u64,
+    /// Photos of each of several models, most first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<u64>,
     /// True for a lens of one focal length without distortion: the distortion that was found first
     /// folds over inside the photos.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
@@ -362,6 +367,9 @@ fn largest(output: &Path, mapper: Mapper, photos: &TakenPhotos) -> Result<Option
     };
     let models = models.map(registered).collect::<Result<Vec<(usize, PathBuf)>>>()?;
     let count = models.len() as u64;
+    let mut parts: Vec<u64> = models.iter().map(|(registered, _)| *registered as u64).collect();
+    parts.sort_unstable_by(|a, b| b.cmp(a));
+    parts.truncate(if count > 1 { MAX_PARTS } else { 0 });
     let photos = photos.photos.len() as u64;
     let best = models.into_iter().rev().max_by_key(|(registered, _)| *registered);
     Ok(best.map(|(registered, folder)| {
@@ -373,6 +381,7 @@ fn largest(output: &Path, mapper: Mapper, photos: &TakenPhotos) -> Result<Option
                 registered: registered as u64,
                 photos,
                 models: count,
+                parts,
                 straight: false,
             },
         }

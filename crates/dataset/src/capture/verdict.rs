@@ -288,15 +288,25 @@ fn advice(details: &VerdictDetails, model: &ModelDetails) -> Vec<String> {
             (None, Some(before)) => format!("before {before}"),
             (None, None) => continue,
         };
+        let is_blurred =
+            |example: &String| details.blurred.iter().any(|blurred| blurred == example);
+        let blurred = gap.example.as_ref().filter(|example| is_blurred(example));
+        let why = blurred.map_or(String::new(), |name| format!(" ({name} is blurred)"));
         advice.push(match gap.lost {
             0 => format!("take more photos {place}: they hardly overlap"),
-            1 => format!("take more photos {place}: one there has no pose"),
-            lost => format!("take more photos {place}: {lost} there have no pose"),
+            1 => format!("take more photos {place}: one there has no pose{why}"),
+            lost => format!("take more photos {place}: {lost} there have no pose{why}"),
         });
     }
     if model.models > 1 {
+        let counts: Vec<String> = model.parts.iter().map(u64::to_string).collect();
+        let sizes = match &counts[..] {
+            [] => String::new(),
+            [first, others @ ..] => format!(", of {first} and {} photos", others.join(", ")),
+        };
         advice.push(format!(
-            "the photos fell into {} parts that do not overlap, and the largest is used: take photos that connect them",
+            "the photos show {} places that share nothing{sizes}, and only the largest is used: take photos that connect them, or make a \
+             scene of each",
             model.models
         ));
     }
@@ -380,6 +390,22 @@ mod tests {
         let advice = advice(&details, &ModelDetails::default());
         assert!(advice[0].contains("between 2.jpg and 6.jpg: 3 there"), "{advice:?}");
         assert_eq!(word(&details), CaptureVerdict::Poor);
+    }
+
+    #[test]
+    fn photos_of_two_places_and_a_blurred_one_are_named() {
+        let gap = Gap { lost: 1, example: Some("2.jpg".into()), ..Gap::default() };
+        let details = VerdictDetails {
+            gaps: vec![Gap { after: Some("1.jpg".into()), before: Some("3.jpg".into()), ..gap }],
+            blurred: vec!["2.jpg".into()],
+            points: 1000,
+            ..VerdictDetails::default()
+        };
+        let model = ModelDetails { models: 3, parts: vec![12, 8, 4], ..ModelDetails::default() };
+        let advice = advice(&details, &model).join("; ");
+        let places = "the photos show 3 places that share nothing, of 12 and 8, 4 photos";
+        assert!(advice.contains(places), "{advice}");
+        assert!(advice.contains("one there has no pose (2.jpg is blurred)"), "{advice}");
     }
 
     #[test]
