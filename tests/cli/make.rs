@@ -195,6 +195,9 @@ fn make_writes_a_file_and_a_page_and_trains_once() {
         "{said}"
     );
 
+    let place = |name: &str| said.find(&format!("wrote {name} ")).unwrap();
+    assert!(place("scene.subject.glb") < place("scene.glb"), "viewers frame the first: {said}");
+
     // The page begins where the subject's file does.
     let [page, subject] = ["scene.html", "scene.subject.glb"].map(|name| {
         let scene = trisplat::read(at(name)).unwrap();
