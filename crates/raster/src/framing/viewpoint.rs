@@ -4,6 +4,7 @@
 use super::subject::{MAX_POINTS, Subject, SubjectVisibility, VisibilityProbe, orbit_range};
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use std::f32::consts::TAU;
+use trisplat_scene::UpDirection;
 use trisplat_scene::camera::{Camera, Viewpoint};
 use trisplat_scene::math::geometry::centroid;
 
@@ -267,7 +268,9 @@ fn ring(
     // The lens that shows the whole subject from there, if it must be wider.
     let tangent = half_tangent(MARGIN * subject.radius, distance, MAX_SINE_AROUND);
     let focal = Vec2::splat(SIZE.y as f32 / (2.0 * tangent.max(HALF_FOV_TAN)));
-    let x = up.any_orthonormal_vector();
+    // Of the Y-up frame that a bake turns the scene to, so that a scene and its file begin alike.
+    let to_file = UpDirection::near(up.as_dvec3()).to_y_up().as_mat3();
+    let x = to_file.transpose() * Vec3::Y.any_orthonormal_vector();
     let y = up.cross(x);
     let cosine = (1.0 - sine * sine).sqrt();
     directions()
@@ -481,6 +484,21 @@ mod orbit_tests {
             orbit.iter().all(|c| (c.rotation * Vec3::Y).x.abs() < 1e-6),
             "the horizon is level"
         );
+    }
+
+    #[test]
+    fn ring_turns_with_the_scene_as_the_bake_turns_it() {
+        let subject = |center: Vec3| Subject { center, radius: 1.0, is_alone: true };
+        let center = Vec3::new(1.0, 2.0, 3.0);
+        for up in [Vec3::NEG_Y, Vec3::Z, Vec3::X, Vec3::new(0.2, -0.9, 0.3).normalize()] {
+            let to_file = UpDirection::near(up.as_dvec3()).to_y_up().as_mat3();
+            let scene = ring(subject(center), up, 0.3, 1.0, 9.0);
+            let file = ring(subject(to_file * center), Vec3::Y, 0.3, 1.0, 9.0);
+            for (scene, file) in scene.iter().zip(&file) {
+                let turned = to_file * scene.camera.position();
+                assert!(turned.distance(file.camera.position()) < 1e-4, "{up}");
+            }
+        }
     }
 
     #[test]
