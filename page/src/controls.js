@@ -1,11 +1,15 @@
 // Mouse, touch and keys. Orbit goes around a pivot; flying is an orbit around a pivot just in front of the camera.
-import { MathUtils, Quaternion, Raycaster, Spherical, Vector2, Vector3 } from 'three';
+import { MathUtils, MOUSE, Quaternion, Raycaster, Spherical, Vector2, Vector3 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 
 /** Distance to the pivot while flying, in radii of the scene. */
 const FLY_PIVOT = 1e-3;
-/** Speed of movement, radii of the scene per second. */
+/** Speed of movement per second, as a share of the distance to what is seen. */
 const SPEED = 0.5;
+/** How far a drag pulls beyond the limits of the orbit, radians. */
+const GIVE = 0.15;
+/** Rate at which the orbit returns to its limits, 1/s. */
+const RETURN = 8;
 /** The slowest glide, radians or radii of the scene per step. What is left of a slower one is below a tenth of a pixel. */
 const GLIDE = 1e-5;
 /** From here, in radii of everything, all of it is as high as the picture: farther away it is a dot in the dark. */
@@ -22,6 +26,11 @@ function direction(eye, target, up) {
   return new Spherical().setFromVector3(eye.clone().sub(target).applyQuaternion(upright));
 }
 
+/** The angle, by whole turns where it is nearest to another. */
+function around(angle, middle) {
+  return MathUtils.euclideanModulo(angle - middle + Math.PI, 2 * Math.PI) - Math.PI + middle;
+}
+
 export class Controls {
   #orbit = null;
   #camera;
@@ -33,6 +42,14 @@ export class Controls {
   #flying = false;
   #pivotDistance;
   #viewpoint;
+  #range = null;
+  #unlimited = false;
+  #dragging = false;
+  #buttons = null;
+  /** Told whenever a drag pulls beyond the limits of the orbit. */
+  onLimit = () => {};
+  /** The distance to what is seen, for the speed of movement. */
+  seenDistance;
   /** Where the camera was at the end of the last step: events move it between steps too. */
   #last = { position: new Vector3(), quaternion: new Quaternion() };
 
@@ -40,6 +57,7 @@ export class Controls {
   constructor(camera, canvas, radius, viewpoint, reach = 400 * radius) {
     [this.#camera, this.#canvas, this.#radius, this.#reach, this.#pivotDistance] = [camera, canvas, radius, reach, radius];
     this.#viewpoint = viewpoint;
+    this.seenDistance = () => radius;
     addEventListener('keydown', (event) => this.#key(event, true));
     addEventListener('keyup', (event) => this.#key(event, false));
     addEventListener('blur', () => this.#pressed.clear());
@@ -58,9 +76,27 @@ export class Controls {
     const maxDistance = Math.max(FARTHEST * this.#reach, eye.distanceTo(target));
     Object.assign(orbit, { enableDamping: true, dampingFactor: 0.12, zoomToCursor: true, maxDistance });
     orbit.target.copy(target);
+    orbit.mouseButtons = this.#buttons ?? orbit.mouseButtons;
+    orbit.addEventListener('start', () => (this.#dragging = true));
+    orbit.addEventListener('end', () => (this.#dragging = false));
     this.#orbit = orbit;
+    this.#dragging = false;
     camera.lookAt(target);
     if (this.#flying) this.fly(true);
+    this.#limit();
+    orbit.update();
+    this.#stay();
+  }
+
+  /** What the buttons of the mouse do, as OrbitControls names it; null for the usual. */
+  set buttons(buttons) {
+    this.#buttons = buttons;
+    this.#orbit.mouseButtons = buttons ?? { LEFT: MOUSE.ROTATE, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.PAN };
+  }
+
+  /** Lifts the limits of the orbit. */
+  lookAnywhere() {
+    this.#unlimited = true;
     this.#limit();
   }
 
@@ -68,6 +104,11 @@ export class Controls {
   get view() {
     const { position: eye, up } = this.#camera;
     return { eye, target: this.#orbit.target, up, ...this.#intrinsics };
+  }
+
+  /** True while keys move the camera. */
+  get walking() {
+    return [...this.#pressed].some((code) => DIRECTIONS[code]);
   }
 
   get flying() {
@@ -92,13 +133,20 @@ export class Controls {
     const direction = new Vector3();
     for (const code of this.#pressed) if (DIRECTIONS[code]) direction.add(new Vector3(...DIRECTIONS[code]));
     const fast = this.#pressed.has('ShiftLeft') || this.#pressed.has('ShiftRight') ? 4 : 1;
-    if (direction.lengthSq() > 0) this.#translate(direction.normalize(), SPEED * fast * this.#radius * seconds);
+    if (direction.lengthSq() > 0) this.#translate(direction.normalize(), SPEED * fast * this.seenDistance() * seconds);
+    this.#pull(seconds);
     this.#glide();
     const { position, quaternion } = this.#camera;
     const moved = position.distanceTo(this.#last.position) > 1e-6 * this.#radius || quaternion.angleTo(this.#last.quaternion) > 1e-6;
     // Only a move that is drawn is the new start, so that slow ones add up.
-    if (moved) (this.#last.position.copy(position), this.#last.quaternion.copy(quaternion));
+    if (moved) this.#stay();
     return moved;
+  }
+
+  /** Takes the present place of the camera as that of the last step. */
+  #stay() {
+    this.#last.position.copy(this.#camera.position);
+    this.#last.quaternion.copy(this.#camera.quaternion);
   }
 
   /** Lets the orbit glide, and ends a glide that nobody sees: otherwise the picture at rest would begin again and again. */
@@ -113,39 +161,66 @@ export class Controls {
     orbit.enableDamping = true;
   }
 
-  /** Sets the pivot to what is hit at a point of the canvas, if anything. */
+  /** Sets the pivot to what is hit at a point of the canvas, and returns it; null if nothing is. */
   focus(event, meshes) {
+    const hit = this.hit(event, meshes);
+    if (!hit || this.#flying) return null;
+    this.#orbit.target.copy(hit);
+    this.#limit();
+    return hit;
+  }
+
+  /** The nearest point of the meshes that is drawn at a point of the canvas, or null. */
+  hit(event, meshes) {
     const box = this.#canvas.getBoundingClientRect();
     const at = new Vector2(((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2);
     const ray = new Raycaster();
     ray.setFromCamera(at, this.#camera);
-    const [hit] = ray.intersectObjects(meshes, false);
-    if (!hit || this.#flying) return;
-    this.#orbit.target.copy(hit.point);
-    this.#limit();
+    ray.near = this.#camera.near / ray.ray.direction.dot(this.#ahead());
+    const shown = meshes.filter((mesh) => mesh.visible);
+    return ray.intersectObjects(shown, false)[0]?.point ?? null;
   }
 
-  /** Keeps the orbit where photos looked, or where the view is if that is beyond. Flying goes anywhere. */
+  /** Finds the range of the orbit: where photos looked, and where the view is if that is beyond. Flying goes anywhere. */
   #limit() {
     const [orbit, camera] = [this.#orbit, this.#camera];
+    this.#range = null;
     Object.assign(orbit, { minAzimuthAngle: -Infinity, maxAzimuthAngle: Infinity, minPolarAngle: 0, maxPolarAngle: Math.PI });
-    if (this.#flying || !this.#viewpoint?.orbit) return;
+    if (this.#flying || this.#unlimited || !this.#viewpoint?.orbit) return;
     const [eye, target, up] = ['eye', 'target', 'up'].map((word) => new Vector3(...this.#viewpoint[word]));
     if (up.normalize().angleTo(camera.up) > 1e-3) return;
     const { turn, elevation } = this.#viewpoint.orbit;
     const [start, here] = [direction(eye, target, up), direction(camera.position, orbit.target, up)];
     const [low, high] = elevation.map((degrees) => Math.PI / 2 - MathUtils.degToRad(degrees));
-    orbit.minPolarAngle = Math.max(0, Math.min(high, here.phi));
-    orbit.maxPolarAngle = Math.min(Math.PI, Math.max(low, here.phi));
-    if (!turn) return;
-    const [least, most] = turn.map(MathUtils.degToRad);
-    // The turn of the view, by whole turns where it is nearest to the range.
-    const middle = (least + most) / 2;
-    const turned = MathUtils.euclideanModulo(here.theta - start.theta - middle + Math.PI, 2 * Math.PI) - Math.PI + middle;
-    const [from, to] = [Math.min(least, turned), Math.max(most, turned)];
-    if (to - from >= 2 * Math.PI) return;
-    orbit.minAzimuthAngle = MathUtils.euclideanModulo(start.theta + from + Math.PI, 2 * Math.PI) - Math.PI;
-    orbit.maxAzimuthAngle = MathUtils.euclideanModulo(start.theta + to + Math.PI, 2 * Math.PI) - Math.PI;
+    this.#range = { polar: [Math.min(high, here.phi), Math.max(low, here.phi)], turn: null };
+    if (turn) {
+      const [least, most] = turn.map(MathUtils.degToRad);
+      // The turn of the view, by whole turns where it is nearest to the range.
+      const turned = around(here.theta - start.theta, (least + most) / 2);
+      const [from, to] = [Math.min(least, turned), Math.max(most, turned)];
+      if (to - from < 2 * Math.PI) this.#range.turn = [start.theta + from, start.theta + to];
+    }
+    this.#pull(0);
+  }
+
+  /** Lets a drag pull a little beyond the range, ever harder, and brings the orbit back once it is let go. */
+  #pull(seconds) {
+    const [orbit, range] = [this.#orbit, this.#range];
+    if (!range) return;
+    const beyond = ([from, to], angle) => Math.max(0, from - angle, angle - to);
+    const turnBeyond = range.turn ? beyond(range.turn, around(orbit.getAzimuthalAngle(), (range.turn[0] + range.turn[1]) / 2)) : 0;
+    const excess = Math.max(turnBeyond, beyond(range.polar, orbit.getPolarAngle()));
+    const left = excess * Math.exp(-RETURN * seconds);
+    const give = this.#dragging ? GIVE : left > 1e-4 ? left : 0;
+    orbit.minPolarAngle = Math.max(0, range.polar[0] - give);
+    orbit.maxPolarAngle = Math.min(Math.PI, range.polar[1] + give);
+    if (range.turn) {
+      const isWhole = range.turn[1] - range.turn[0] + 2 * give >= 2 * Math.PI;
+      orbit.minAzimuthAngle = isWhole ? -Infinity : around(range.turn[0] - give, 0);
+      orbit.maxAzimuthAngle = isWhole ? Infinity : around(range.turn[1] + give, 0);
+    }
+    orbit.rotateSpeed = Math.max(0.1, 1 - excess / GIVE);
+    if (this.#dragging && excess > 0.2 * GIVE) this.onLimit();
   }
 
   #ahead() {
@@ -166,6 +241,6 @@ export class Controls {
   }
 
   #wheel(event) {
-    if (this.#flying) this.#translate([0, 0, -Math.sign(event.deltaY)], 0.05 * this.#radius);
+    if (this.#flying) this.#translate([0, 0, -Math.sign(event.deltaY)], 0.1 * this.seenDistance());
   }
 }

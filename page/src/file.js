@@ -9,6 +9,7 @@ const FRAME_MS = 30;
 
 export class SceneFile {
   #bytes = null;
+  #parser = null;
   #end = 0;
   #report;
 
@@ -25,22 +26,34 @@ export class SceneFile {
     this.#report((0.5 * this.#end) / this.#bytes.length);
   }
 
-  /** The scene, its meshes, its initial viewpoint and the panorama behind it, once all blocks are there. Can be called once. */
+  /** The scene, its meshes, its view-dependent colours, what the file says of itself, and the panorama behind it, once all blocks are there. */
   async meshes() {
     const bytes = this.#bytes;
-    this.#bytes = null;
     if (bytes === null || this.#end !== bytes.length) {
       throw new Error(`this page is cut short: it holds ${this.#end} of ${bytes?.length ?? 'its'} bytes of the scene`);
     }
     await MeshoptDecoder.ready;
-    const loader = new GLTFLoader().register((parser) => new TrisplatSh(parser));
+    let sh = null;
+    const loader = new GLTFLoader().register((parser) => (sh = new TrisplatSh(parser)));
     loader.setMeshoptDecoder(this.#decoder(packedBytes(bytes)));
-    const { scene, asset } = await loader.parseAsync(bytes.buffer, '');
+    const { scene, asset, parser } = await loader.parseAsync(bytes.buffer, '');
+    this.#parser = parser;
     scene.updateMatrixWorld(true);
     const meshes = [];
     scene.traverse((node) => node instanceof Mesh && meshes.push(node));
     this.#report(1);
-    return { scene, meshes, viewpoint: asset.extras?.viewpoint ?? null, sky: await panorama() };
+    return { scene, meshes, sh, extras: asset.extras ?? {}, sky: await panorama() };
+  }
+
+  /** The GLB. */
+  get glb() {
+    return this.#bytes;
+  }
+
+  /** Numbers of a mesh and its primitive in the GLB. */
+  numbersOf(mesh) {
+    const { meshes, primitives } = this.#parser.associations.get(mesh);
+    return { mesh: meshes, primitive: primitives };
   }
 
   // One array after the other, yielding to the event loop in between, so that the bar moves and the page responds.

@@ -1,10 +1,17 @@
 // The page: reads the scene while the browser reads the page, then draws whenever something moves.
+import { Vector3 } from 'three';
 import { Controls } from './controls.js';
+import { Eraser } from './eraser.js';
 import { SceneFile } from './file.js';
 import { Renderer } from './renderer.js';
+import { ScaleBar } from './scale.js';
+import { Sight } from './sight.js';
+import { switches } from './switches.js';
+import { Up } from './up.js';
 import { boundsOf, format, framed, initial, parse } from './view.js';
 
-const BACKGROUND = '17181a';
+/** A neutral ground: neither dark nor bright scenes vanish in it. */
+const BACKGROUND = '66686c';
 /** Samples per pixel along each axis, once nothing moves. */
 const GRID = 4;
 
@@ -38,49 +45,96 @@ async function open() {
   demandWebGL();
   const canvas = element('picture');
   const renderer = new Renderer(canvas, requested.ssaa ?? GRID, `#${requested.background ?? BACKGROUND}`);
-  const { scene, meshes, viewpoint, sky } = await file.meshes();
+  const { scene, meshes, sh, extras, sky } = await file.meshes();
+  const viewpoint = extras.viewpoint ?? null;
   const bounds = boundsOf(meshes);
   renderer.show(scene, sky);
   renderer.resize();
-  renderer.camera.near = requested.near ?? 1e-3 * bounds.radius;
   renderer.camera.far = 1e3 * bounds.reach;
   const controls = new Controls(renderer.camera, canvas, bounds.radius, viewpoint, bounds.reach);
+  const radius = viewpoint?.radius ?? bounds.radius;
+  const subject = { center: viewpoint?.radius ? new Vector3(...viewpoint.target) : bounds.center, radius };
+  const sight = new Sight(renderer, requested.near ?? 1e-3 * bounds.radius, subject);
+  controls.seenDistance = () => sight.distance(controls.view, bounds.radius);
 
   const aspect = () => renderer.width / renderer.height;
-  const fit = () => (controls.set(framed(viewpoint, bounds, aspect(), controls.view)), renderer.restart());
-  const start = () => (controls.set(initial(viewpoint, bounds, aspect())), renderer.restart());
+  const fit = () => {
+    controls.set(framed(viewpoint, bounds, aspect(), controls.view));
+    sight.subject = subject;
+    sight.settle(controls.view);
+    renderer.restart();
+  };
+  let up = null;
+  const start = () => {
+    const first = initial(viewpoint, bounds, aspect());
+    controls.set({ ...first, up: up ?? first.up });
+    sight.subject = subject;
+    sight.hold();
+    renderer.restart();
+  };
   const go = (words) => {
     const view = { ...controls.view };
     for (const word of ['eye', 'target', 'up']) if (words[word]) view[word] = words[word].clone();
     if (words.fov || words.pinhole) Object.assign(view, { fov: words.fov ?? view.fov, pinhole: words.pinhole });
     controls.set(view);
+    sight.hold(words.near ?? undefined);
     renderer.restart();
+  };
+  const focus = (event) => {
+    const center = controls.focus(event, meshes);
+    if (center) sight.subject = { center, radius: 0.01 * bounds.radius };
   };
   start();
   go(requested);
   addEventListener('hashchange', () => go(parse(location.hash)));
-  bindInput({ canvas, controls, meshes, fit, start });
+  const view = () => format({ ...controls.view, near: sight.cut });
+  bindInput({ canvas, controls, fit, start, focus, view });
+  bindHint(canvas, controls);
+  const title = document.title;
+  const turn = (direction) => {
+    up = direction;
+    controls.set({ ...controls.view, up });
+    renderer.restart();
+  };
+  new Up({ element, canvas, controls, meshes, extras, turn });
+  new Eraser({ element, canvas, renderer, scene, meshes, controls, file, extras, title });
+  switches({ element, renderer, scene, meshes, sh, sky });
   element('loading').hidden = true;
-  run(renderer, controls);
-  return { view: () => format(controls.view), show: (fragment) => go(parse(fragment)) };
+  run(renderer, controls, sight, new ScaleBar(element('scale'), extras.placement));
+  return { view, show: (fragment) => go(parse(fragment)) };
 }
 
 /** Draws while something moves or samples are missing. */
-function run(renderer, controls) {
+function run(renderer, controls, sight, scale) {
   let last = performance.now();
   const frame = (now) => {
-    const moved = controls.step(Math.min(0.1, (now - last) / 1000));
+    const seconds = Math.min(0.1, (now - last) / 1000);
     last = now;
-    if (renderer.resize() || moved) renderer.restart();
-    if (renderer.unfinished) renderer.draw(controls.view);
-    document.documentElement.dataset.state = renderer.unfinished ? 'refining' : 'ready';
+    const moved = controls.step(seconds);
+    const cut = sight.step(seconds, controls.view, moved, controls.flying || controls.walking);
+    if (renderer.resize() || moved || cut) renderer.restart();
+    if (renderer.unfinished) {
+      renderer.draw(controls.view);
+      scale.show(controls.view, renderer.camera);
+    }
+    document.documentElement.dataset.state = moved || cut || renderer.unfinished ? 'refining' : 'ready';
     requestAnimationFrame(frame);
   };
   frame(last);
 }
 
+/** Says why a drag pulls back, until the next one, and offers to look from anywhere. */
+function bindHint(canvas, controls) {
+  controls.onLimit = () => (element('limit').hidden = false);
+  canvas.addEventListener('pointerdown', () => (element('limit').hidden = true));
+  element('anywhere').addEventListener('click', () => {
+    controls.lookAnywhere();
+    element('limit').hidden = true;
+  });
+}
+
 /** Buttons, and the keys that do the same. */
-function bindInput({ canvas, controls, meshes, fit, start }) {
+function bindInput({ canvas, controls, fit, start, focus, view }) {
   const hide = setTimeout(() => help(false), HELP_MS);
   const help = (on) => {
     clearTimeout(hide);
@@ -92,7 +146,7 @@ function bindInput({ canvas, controls, meshes, fit, start }) {
     element('fly').setAttribute('aria-pressed', controls.flying);
   };
   const link = async () => {
-    history.replaceState(null, '', format(controls.view));
+    history.replaceState(null, '', view());
     await navigator.clipboard?.writeText(location.href).catch(() => {});
     element('link').textContent = 'copied';
     setTimeout(() => (element('link').textContent = 'link'), 1500);
@@ -108,6 +162,9 @@ function bindInput({ canvas, controls, meshes, fit, start }) {
       classList.remove('brief');
     },
   };
+  element('more').addEventListener('click', ({ currentTarget: more }) => {
+    more.setAttribute('aria-expanded', more.parentElement.classList.toggle('open'));
+  });
   for (const [id, act] of Object.entries(actions)) element(id).addEventListener('click', act);
   const keys = { KeyF: fit, Home: start, KeyR: start, KeyV: fly, KeyL: link, Enter: full, KeyH: actions.ask };
   addEventListener('keydown', (event) => {
@@ -116,7 +173,7 @@ function bindInput({ canvas, controls, meshes, fit, start }) {
     if (plain && !pressed) keys[event.code]?.();
   });
   canvas.addEventListener('pointerdown', () => help(false));
-  canvas.addEventListener('dblclick', (event) => controls.focus(event, meshes));
+  canvas.addEventListener('dblclick', focus);
   if (requested.bare) document.body.classList.add('bare');
 }
 

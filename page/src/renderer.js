@@ -23,6 +23,8 @@ export class Renderer {
   #moving = null;
   #resting = null;
   #sum = null;
+  #probe = null;
+  #packed = null;
   #copy = copier();
   #passes = 0;
   #size = [0, 0];
@@ -62,6 +64,11 @@ export class Renderer {
     this.#scene.background = sky;
   }
 
+  /** The panorama behind the scene, or null. */
+  set sky(sky) {
+    this.#scene.background = sky;
+  }
+
   /** Fits the picture to the window; true when its size changed. */
   resize() {
     const canvas = this.#renderer.domElement;
@@ -90,14 +97,50 @@ export class Renderer {
     if (pass === 0) {
       const drawn = this.#moving ?? this.#resting;
       this.#sample(view, drawn, [0, 0]);
-      this.#blit(drawn, null, 1, false);
+      this.#blit(drawn, null, 1, 'put');
       return;
     }
     const shift = (i) => (i + 0.5) / this.#grid - 0.5;
     this.#sample(view, this.#resting, [shift((pass - 1) % this.#grid), shift(Math.floor((pass - 1) / this.#grid))]);
     if (pass === 1) this.#clear(this.#sum, 0);
-    this.#blit(this.#resting, this.#sum, 1 / this.#grid ** 2, true);
-    if (!this.unfinished) this.#blit(this.#sum, null, 1, false);
+    this.#blit(this.#resting, this.#sum, 1 / this.#grid ** 2, 'add');
+    if (!this.unfinished) this.#blit(this.#sum, null, 1, 'put');
+  }
+
+  /**
+   * Depths of what a view shows with this near plane, row by row from below, as `size` times `size` numbers; infinite where there is nothing.
+   */
+  depths(view, near, size) {
+    const camera = this.#camera;
+    const own = camera.near;
+    camera.near = near;
+    this.#probe ??= target(0);
+    this.#packed ??= new WebGLRenderTarget(1, 1, { type: UnsignedByteType, depthBuffer: false });
+    for (const picture of [this.#probe, this.#packed]) picture.setSize(size, size);
+    this.#sample(view, this.#probe, [0, 0]);
+    camera.near = own;
+    this.#blit({ texture: this.#probe.depthTexture }, this.#packed, 1, 'pack');
+    const bytes = new Uint8Array(4 * size * size);
+    this.#renderer.readRenderTargetPixels(this.#packed, 0, 0, size, size, bytes);
+    const far = camera.far;
+    const isReversed = this.#renderer.capabilities.reversedDepthBuffer;
+    return Float64Array.from({ length: size * size }, (_, i) => {
+      const code = (bytes[4 * i] / 255) + (bytes[4 * i + 1] / 255) / 255 + (bytes[4 * i + 2] / 255) / 65025;
+      const depth = isReversed ? code : 1 - code;
+      return depth <= 1e-7 ? Infinity : (near * far) / (depth * (far - near) + near);
+    });
+  }
+
+  /** The bytes of another scene's picture for a view, RGBA8, row by row from below, 0 where there is nothing. */
+  numbers(scene, view, width, height) {
+    const into = new WebGLRenderTarget(width, height, { type: UnsignedByteType, minFilter: NearestFilter, magFilter: NearestFilter });
+    applyView(this.#camera, view, width, height);
+    this.#clear(into, 0, 0);
+    this.#renderer.render(scene, this.#camera);
+    const bytes = new Uint8Array(4 * width * height);
+    this.#renderer.readRenderTargetPixels(into, 0, 0, width, height, bytes);
+    into.dispose();
+    return bytes;
   }
 
   #sample(view, into, shift) {
@@ -106,15 +149,15 @@ export class Renderer {
     this.#renderer.render(this.#scene, this.#camera);
   }
 
-  #clear(into, color) {
+  #clear(into, color, alpha = 1) {
     this.#renderer.setRenderTarget(into);
-    this.#renderer.setClearColor(color, 1);
+    this.#renderer.setClearColor(color, alpha);
     this.#renderer.clear();
   }
 
-  #blit(from, into, weight, add) {
+  #blit(from, into, weight, how) {
     const { quad, camera } = this.#copy;
-    const material = add ? this.#copy.add : this.#copy.put;
+    const material = this.#copy[how];
     material.uniforms.picture.value = from.texture;
     material.uniforms.weight.value = weight;
     quad.material = material;
@@ -135,21 +178,27 @@ function adder() {
   return new WebGLRenderTarget(1, 1, { type: HalfFloatType, depthBuffer: false, ...filters });
 }
 
+const COPIED = `gl_FragColor = vec4(texel.rgb * weight, 1.0);
+          #include <colorspace_fragment>`;
+/** A depth as three digits of base 255. */
+const PACKED = `vec3 digits = fract(min(texel.r, 0.9999999) * vec3(1.0, 255.0, 65025.0));
+          gl_FragColor = vec4(digits - vec3(digits.yz / 255.0, 0.0), 1.0);`;
+
 /** A rectangle that fills the target with a picture; on the canvas three.js encodes it as sRGB. */
 function copier() {
-  const material = (blending) =>
+  const material = (blending, color = COPIED) =>
     new ShaderMaterial({
       uniforms: { picture: { value: null }, weight: { value: 1 } },
       vertexShader: 'void main() { gl_Position = vec4(position.xy, 0.0, 1.0); }',
       fragmentShader: `uniform sampler2D picture; uniform float weight;
         void main() {
-          gl_FragColor = vec4(texelFetch(picture, ivec2(gl_FragCoord.xy), 0).rgb * weight, 1.0);
-          #include <colorspace_fragment>
+          vec4 texel = texelFetch(picture, ivec2(gl_FragCoord.xy), 0);
+          ${color}
         }`,
       depthTest: false, depthWrite: false, toneMapped: false, ...blending,
     });
   const added = { blending: CustomBlending, blendEquation: AddEquation, blendSrc: OneFactor, blendDst: OneFactor };
   const quad = new Mesh(new PlaneGeometry(2, 2));
   quad.frustumCulled = false;
-  return { quad, camera: new OrthographicCamera(), add: material(added), put: material({}) };
+  return { quad, camera: new OrthographicCamera(), add: material(added), put: material({}), pack: material({}, PACKED) };
 }

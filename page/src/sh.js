@@ -35,9 +35,20 @@ vColor.rgb = shColor(vColor.rgb, normalize(shAway * shTurn));`;
 
 export class TrisplatSh {
   name = 'trisplat_sh';
+  #scales = [];
 
   constructor(parser) {
     this.parser = parser;
+  }
+
+  /** True when the file has such colours. */
+  get isThere() {
+    return this.#scales.length > 0;
+  }
+
+  /** Shows them, or the plain ones. */
+  show(on) {
+    for (const { uniform, scale } of this.#scales) uniform.value = on ? scale : [0, 0, 0, 0];
   }
 
   async afterRoot({ scene }) {
@@ -49,11 +60,13 @@ export class TrisplatSh {
       const stored = this.parser.json.materials[index]?.occlusionTexture;
       if (!stored || !geometry.attributes.uv) continue;
       const picture = await this.parser.getDependency('texture', stored.index);
+      const uniform = { value: [...scale, 0, 0].slice(0, 4) };
+      this.#scales.push({ uniform, scale: uniform.value });
       geometry.setAttribute('shTexel', geometry.attributes.uv);
       material.defines = { ...material.defines, SH_DEGREE: degree };
       material.onBeforeCompile = (shader) => {
         shader.uniforms.shPicture = { value: picture };
-        shader.uniforms.shScale = { value: [...scale, 0, 0].slice(0, 4) };
+        shader.uniforms.shScale = uniform;
         shader.vertexShader = shader.vertexShader.replace('#include <common>', `#include <common>${PARS}`)
           .replace('#include <color_vertex>', COLOR);
       };

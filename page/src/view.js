@@ -30,10 +30,10 @@ export function parse(fragment) {
 }
 
 /** The address's text for a view. */
-export function format({ eye, target, up, fov, pinhole }) {
+export function format({ eye, target, up, fov, pinhole, near }) {
   const list = (numbers) => [...numbers].map((x) => Number(x.toPrecision(7))).join(',');
   const lens = pinhole ? `pinhole=${list(pinhole)}` : `fov=${list([fov])}`;
-  return `#eye=${list(eye)}&target=${list(target)}&up=${list(up)}&${lens}`;
+  return `#eye=${list(eye)}&target=${list(target)}&up=${list(up)}&${lens}${near ? `&near=${list([near])}` : ''}`;
 }
 
 /** The sine of half of what the widest lens sees that a narrow window gets. */
@@ -72,15 +72,17 @@ export function framed(viewpoint, bounds, aspect, { eye: from, target, up }) {
   const [center, radius] = viewpoint?.radius ? [new Vector3(...viewpoint.target), viewpoint.radius] : [bounds.center.clone(), bounds.radius];
   const narrow = Math.min(1, aspect);
   const distance = radius / Math.sin(Math.atan(narrow * Math.tan(MathUtils.degToRad(FOV / 2))));
-  const room = ROOM * bounds.behind.reduce((near, point) => Math.min(near, point.distanceTo(center)), Infinity);
-  const eye = center.clone().addScaledVector(direction.normalize(), Math.min(distance, room));
+  direction.normalize();
+  const away = bounds.behind.map((point) => point.clone().sub(center)).filter((way) => way.dot(direction) > 0.5 * way.length());
+  const room = ROOM * away.reduce((near, way) => Math.min(near, way.length()), Infinity);
+  const eye = center.clone().addScaledVector(direction, Math.min(distance, room));
   const sine = Math.min(MOST_SINE, radius / Math.min(distance, room));
   const fov = distance <= room ? FOV : MathUtils.radToDeg(2 * Math.atan(sine / Math.sqrt(1 - sine * sine) / narrow));
   return { eye, target: center, up: up.clone(), fov, pinhole: null };
 }
 
 /** Names of the nodes that are the backdrop; there are several when its texture has several pages. */
-const BACKDROP = /^backdrop(_\d+)?$/;
+export const BACKDROP = /^backdrop(_\d+)?$/;
 
 /** Some vertices of the meshes, evenly chosen. */
 function sampled(meshes) {

@@ -62,6 +62,10 @@ async function visit({ page: file, fragment = "", size, touch = false, steps = [
     keys: getComputedStyle(document.querySelector("#help .key")).display !== "none",
     flying: document.getElementById("fly").getAttribute("aria-pressed") === "true",
     hash: location.hash,
+    limit: !document.getElementById("limit").hidden,
+    count: document.getElementById("count").textContent,
+    floor: document.getElementById("floor").textContent,
+    scale: document.getElementById("scale").innerText,
   }));
   await context.close();
   return { views, errors, ms, ...state };

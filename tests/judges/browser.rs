@@ -180,12 +180,17 @@ fn page_drag_stays_within_the_photos_viewpoints() {
     let right = json!({ "drag": [5, 150, 390, 0] });
     let left = json!({ "drag": [395, 150, -390, 0] });
     let down = json!({ "drag": [200, 5, 0, 290] });
-    let steps = [left.clone(), left, right.clone(), right.clone(), down.clone(), down];
+    let steps = [left.clone(), left.clone(), right.clone(), right.clone(), down.clone(), down];
+    let anywhere = [left.clone(), left.clone(), json!({ "click": "anywhere" }), left];
     let pages = json!([
+        { "page": page, "fragment": "#ssaa=1", "size": [400, 300], "steps": anywhere },
         { "page": page, "fragment": "#ssaa=1", "size": [400, 300], "steps": steps },
         { "page": page, "fragment": "#ssaa=1&eye=0,-9,0.1&target=0,0,0", "size": [400, 300], "steps": [right] },
     ]);
     let visits = visit(&chromium, &pages);
+    let free = visits[0]["views"].as_array().unwrap();
+    assert!(direction(&free[2]).dot(direction(&free[4])) < 0.9, "limits that are lifted: {free:?}");
+    let visits = &visits[1..];
     let views = visits[0]["views"].as_array().unwrap();
     let angles = |view: &Value| {
         let start = direction(&views[0]);
@@ -196,6 +201,7 @@ fn page_drag_stays_within_the_photos_viewpoints() {
     };
     let reached = [2, 4, 6].map(|step| angles(&views[step]));
     assert_eq!([reached[0][0], reached[1][0], reached[2][1]], [50.0, -30.0, 70.0], "{reached:?}");
+    assert_eq!(visits[0]["limit"], json!(true), "the page says why it comes back");
     assert!(direction(&visits[1]["views"][0]).y < -0.99, "{}", visits[1]);
 }
 
@@ -329,7 +335,7 @@ fn mouse_fingers_keys_and_buttons_change_the_picture_at_once() {
 }
 
 /// An OBJ with a red ball of radius 1, and a blue crumb far from it.
-fn ball_and_crumb() -> String {
+pub(super) fn ball_and_crumb() -> String {
     let around = |a: u32, b: u32| {
         let down = f64::from(a) * PI / 8.0;
         let turn = f64::from(b) * PI / 8.0;

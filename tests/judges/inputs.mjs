@@ -1,20 +1,25 @@
 // What a person does in a page, and what is seen of it. An input is one of
-//   { drag: [x, y, dx, dy], button }  { double: [x, y] }  { wheel: dy, at: [x, y], notches }  { press: KEY, ms }: the mouse and keys
+//   { drag: [x, y, dx, dy], button }  { single: [x, y] }  { double: [x, y] }  { stroke: [[x, y], ...] }  { wheel: dy, at: [x, y], notches }  { press: KEY, ms }: the mouse and keys
 //   { finger: [x, y, dx, dy] }  { fingers: [x, y, dx, dy] }: two beside each other  { pinch: [x, y, from, to] }  { tap: [x, y] }: twice
-//   { click: ID }  { check: SELECTOR, on }  { select: [ID, VALUE] }  { range: ID, to }: a share of its length: the parts of the page
+//   { click: ID }  { download: ID, to: FILE }  { check: SELECTOR, on }  { select: [ID, VALUE] }  { range: ID, to }: a share of its length: the parts of the page
 //   { show: FRAGMENT }  { resize: [w, h] }  { hide: true }: the tab, and back  { lose: true }: the graphics, and back
 import { copyFile } from "node:fs/promises";
 
 /** Does one input. */
 export async function act(page, client, input) {
-  const { show, press, ms, click, check, on = true, select, range, to, resize, hide, lose } = input;
+  const { show, press, ms, click, check, on = true, select, range, to, resize, hide, lose, download } = input;
   if (show !== undefined) await page.evaluate((f) => window.trisplat.show(f), show);
   await point(page, input);
   await touch(client, input);
-  if (press) {
+  if (press?.includes("+")) await page.keyboard.press(press);
+  else if (press) {
     await page.keyboard.down(press);
     await page.waitForTimeout(ms ?? 0);
     await page.keyboard.up(press);
+  }
+  if (download) {
+    const [saved] = await Promise.all([page.waitForEvent("download"), page.click(`#${download}`)]);
+    await saved.saveAs(to);
   }
   if (click) await page.click(`#${click}`);
   if (check) await page.setChecked(check, on);
@@ -26,7 +31,7 @@ export async function act(page, client, input) {
 }
 
 /** What the mouse does. */
-async function point({ mouse }, { drag, button = "left", double, wheel, at, notches = 1 }) {
+async function point({ mouse }, { drag, button = "left", single, double, stroke, wheel, at, notches = 1 }) {
   if (drag) {
     const [x, y, dx, dy] = drag;
     await mouse.move(x, y);
@@ -34,6 +39,13 @@ async function point({ mouse }, { drag, button = "left", double, wheel, at, notc
     await mouse.move(x + dx, y + dy, { steps: 5 });
     await mouse.up({ button });
   }
+  if (stroke) {
+    await mouse.move(...stroke[0]);
+    await mouse.down();
+    for (const [x, y] of stroke.slice(1)) await mouse.move(x, y, { steps: 3 });
+    await mouse.up();
+  }
+  if (single) await mouse.click(...single);
   if (double) await mouse.dblclick(...double);
   if (at) await mouse.move(...at);
   for (let notch = 0; wheel && notch < notches; notch++) await mouse.wheel(0, wheel);

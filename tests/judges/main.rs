@@ -15,6 +15,7 @@ mod framing;
 mod levels;
 mod lit;
 mod make;
+mod page;
 mod renderers;
 mod sh;
 mod sky;

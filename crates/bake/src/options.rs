@@ -3,6 +3,7 @@
 use super::background::BackgroundOptions;
 use super::chunk::ChunkOptions;
 use super::crop::CropOptions;
+use super::erase::EraseOptions;
 use super::exposure::ExposureOptions;
 use super::lit::LitOptions;
 use super::lod::LodOptions;
@@ -61,6 +62,9 @@ pub struct BakeOptions {
     /// Region of the scene to keep.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub crop: CropOptions,
+    /// Triangles to erase.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub erase: EraseOptions,
     /// Pictures of the soft scene in place of photos.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub teacher: TeacherOptions,
@@ -130,6 +134,7 @@ impl BakeOptions {
         force_dataset: false,
         background: BackgroundOptions::DEFAULT,
         crop: CropOptions::DEFAULT,
+        erase: EraseOptions::DEFAULT,
         teacher: TeacherOptions::DEFAULT,
         collision: CollisionOptions::DEFAULT,
         prune: PruneOptions::DEFAULT,

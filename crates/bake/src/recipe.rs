@@ -93,8 +93,9 @@ impl<'a> Recipe<'a> {
         let mesh = self.fit(mesh, provenance.exposure, &mut pictures, traits, &cameras.photos)?;
 
         // Surroundings, outside the levels of detail.
-        let (mesh, surroundings) =
+        let (mesh, mut surroundings) =
             self.surroundings(mesh, input_backdrop, is_merged, pictures.any(), &cameras)?;
+        let mesh = self.erase(mesh, surroundings.mesh.as_mut(), &provenance)?;
         let scene_faces = mesh.face_count();
         let mut level_plan = self.level_plan(&mesh);
         let mesh = self.backdrop(mesh, surroundings.mesh, pictures.any())?;

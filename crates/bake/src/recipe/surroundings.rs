@@ -3,6 +3,7 @@
 
 use super::Recipe;
 use super::values::SceneCameras;
+use crate::erase::EraseList;
 use crate::refit::{RefitColors, smooth_shell};
 use crate::surroundings::{
     BackdropWhen, Sky, Surroundings, backdrop, close_surface, has_room_for_quarters, is_scattered,
@@ -13,9 +14,21 @@ use crate::views::Views;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::Outcome;
-use trisplat_scene::{Asset, Placement, Result, Scene, SurroundingsStorage};
+use trisplat_scene::{Asset, Placement, Provenance, Result, Scene, SurroundingsStorage};
 
 impl Recipe<'_> {
+    /// On triangles that no longer move, scene and surroundings, before levels and colours.
+    pub(super) fn erase(
+        &mut self,
+        mesh: Mesh,
+        backdrop: Option<&mut Mesh>,
+        provenance: &Provenance,
+    ) -> Result<Mesh> {
+        let Some(path) = &self.options.erase.erase else { return Ok(mesh) };
+        let list = EraseList::read(path, provenance)?;
+        self.stage(mesh, Mesh::counts, |mesh, details| list.erase(mesh, backdrop, details))
+    }
+
     /// True if only a region of the scene is baked, to which surroundings do not belong.
     pub(super) fn drops_surroundings(&self) -> bool {
         self.options.crop.is_cropped() && self.options.backdrop.backdrop == BackdropWhen::Auto
