@@ -8,9 +8,9 @@ use trisplat_bake::refit::RefitDetails;
 use trisplat_bake::unseen::UnseenDetails;
 use trisplat_bake::{
     ArrangeDetails, BackdropDetails, BackgroundDetails, BakeOptions, ChunkDetails, ColorDetails,
-    CropDetails, ExposureDetails, LitDetails, LodDetails, OrderDetails, PlaceDetails, PruneDetails,
-    ReshapeDetails, ShDetails, SidesDetails, SimplifyDetails, SolidDetails, TeacherDetails,
-    TextureDetails, TilesDetails, ViewpointDetails, WeldDetails,
+    CropDetails, EraseDetails, ExposureDetails, LitDetails, LodDetails, OrderDetails, PlaceDetails,
+    PruneDetails, ReshapeDetails, ShDetails, SidesDetails, SimplifyDetails, SolidDetails,
+    TeacherDetails, TextureDetails, TilesDetails, ViewpointDetails, WeldDetails,
 };
 use trisplat_dataset::Description;
 use trisplat_dataset::capture::{
@@ -18,6 +18,7 @@ use trisplat_dataset::capture::{
 };
 use trisplat_dataset::exposure::ExposureEvidence;
 use trisplat_formats::check::Checked;
+use trisplat_formats::gltf::ShExtras;
 use trisplat_formats::info::Info;
 use trisplat_formats::output::WriteDetails;
 use trisplat_job::EvalReport;
@@ -55,6 +56,8 @@ pub enum SchemaName {
     Eval,
     /// Output of `trisplat validate --json`.
     Validate,
+    /// The extras `trisplat_sh` of a material with view-dependent colours.
+    Sh,
 }
 
 impl SchemaName {
@@ -69,6 +72,7 @@ impl SchemaName {
             SchemaName::Plan => schemars::schema_for!(Manifest),
             SchemaName::Eval => schemars::schema_for!(EvalReport),
             SchemaName::Validate => schemars::schema_for!(Checked),
+            SchemaName::Sh => schemars::schema_for!(ShExtras),
         };
         let mut schema = serde_json::to_value(&schema).unwrap_or_default();
         unwrap_lines(&mut schema);
@@ -135,6 +139,7 @@ fn report_schema() -> schemars::Schema {
         BackdropDetails,
         ReshapeDetails,
         SidesDetails,
+        EraseDetails,
         RefitDetails,
         ShDetails,
         TextureDetails,

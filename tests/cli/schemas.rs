@@ -139,3 +139,21 @@ fn a_wrong_config_does_not_satisfy_the_schema() {
         assert_ne!(validate(SchemaName::Bake, &wrong), Some(String::new()), "{wrong}");
     }
 }
+
+#[test]
+fn sh_extras_of_a_bake_satisfy_their_schema() {
+    let folder = tempfile::tempdir().unwrap();
+    let glb = folder.path().join("scene.glb");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    let photos = ["--dataset", "samples/dataset", "--sh", "1", "--set", "reshape=off"];
+    command.current_dir(root()).args(["bake", "-q", "samples/soups/trained.ply"]).args(photos);
+    assert!(command.arg("-o").arg(&glb).status().unwrap().success());
+    let bytes = std::fs::read(&glb).unwrap();
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let document: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    let mut extras = document["materials"][0]["extras"]["trisplat_sh"].clone();
+    satisfies(SchemaName::Sh, &extras);
+    extras["degree"] = 4.into();
+    let errors = validate(SchemaName::Sh, &extras);
+    assert!(errors.is_none_or(|errors| errors.contains("$.degree")));
+}

@@ -1,4 +1,4 @@
-// Opens the page of samples/engines/three in headless Chromium, double-clicks its middle, and says what it did as one line of JSON:
+// Opens the page of samples/engines/three or, for pictures only, of samples/engines/babylon in headless Chromium, double-clicks its middle, and says what it did as one line of JSON:
 // { triangles, target, errors }. The packages that the page asks its CDN for come from the judges; nothing else is let through.
 // Usage: node sample.mjs JUDGES CHROMIUM FOLDER [VIEWS]   (JUDGES holds node_modules, FOLDER the page and its scene)
 //
@@ -9,13 +9,26 @@ import { launch, openPage } from "./chromium.mjs";
 
 const [judges, executablePath, folder, list] = process.argv.slice(2);
 const views = list ? JSON.parse(readFileSync(list)) : [];
-const three = join(resolve(judges), "node_modules/three");
 const types = { ".html": "text/html", ".js": "text/javascript", ".glb": "model/gltf-binary", ".jpg": "image/jpeg" };
+const three = `window.show = ({ fov, eye, target }) => {
+  camera.fov = fov;
+  camera.position.fromArray(eye);
+  controls.target.fromArray(target);
+  controls.update();
+  resize();
+};`;
+const babylon = `window.show = ({ fov, eye, target }) => {
+  scene.activeCamera.fov = (fov * Math.PI) / 180;
+  scene.activeCamera.target = BABYLON.Vector3.FromArray(target);
+  scene.activeCamera.setPosition(BABYLON.Vector3.FromArray(eye));
+  scene.render();
+};
+document.documentElement.dataset.triangles = scene.meshes.reduce((sum, mesh) => sum + (mesh.getTotalIndices() || mesh.getTotalVertices()) / 3, 0);`;
 const browser = await launch(judges, executablePath);
 const { page, errors } = await openPage(browser, ...(views[0]?.size ?? [480, 360]));
 await page.route("**/*", (route) => {
   const { origin, pathname } = new URL(route.request().url());
-  const local = origin === "http://sample" ? join(resolve(folder), pathname) : pathname.replace(/^\/npm\/three@[^/]+/, three);
+  const local = origin === "http://sample" ? join(resolve(folder), pathname) : pathname.replace(/^\/npm\/([^@]+)@[^/]+/, join(resolve(judges), "node_modules/$1"));
   if (pathname === "/favicon.ico") return route.fulfill({ status: 204 });
   try {
     return route.fulfill({ contentType: types[extname(local)], body: served(local) });
@@ -27,14 +40,9 @@ await page.route("**/*", (route) => {
 // The page's own, with a way to look from elsewhere at the end of its script.
 function served(file) {
   if (extname(file) !== ".html") return readFileSync(file);
-  const show = `window.show = ({ fov, eye, target }) => {
-    camera.fov = fov;
-    camera.position.fromArray(eye);
-    controls.target.fromArray(target);
-    controls.update();
-    resize();
-  };`;
-  return readFileSync(file, "utf8").replace(/<\/script>\s*$/, `${show}</script>`);
+  const text = readFileSync(file, "utf8");
+  const show = text.includes("BABYLON") ? babylon : three;
+  return text.replace(/<\/script>\s*$/, `${show}</script>`);
 }
 await page.goto("http://sample/index.html");
 const said = (name) => page.waitForFunction((name) => document.documentElement.dataset[name], name, { timeout: 60_000 });

@@ -1,15 +1,20 @@
-//! Files with view-dependent colours, read by others: the validator, and the decoder in Python that
-//! docs/formats.md names.
+//! Files with view-dependent colours, read by others: the validator, the decoder in Python that
+//! docs/formats.md names, and the samples for Babylon.js and Blender.
 
-use super::{assert_valid, bake, here, python, runs, validator};
-use glam::Vec3;
+use super::browser::chromium;
+use super::engines::open_page_sample;
+use super::{assert_valid, bake, have, here, python, runs, validator};
+use glam::{UVec2, Vec3};
+use serde_json::json;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use tempfile::TempDir;
 use trisplat_formats::{self as formats, ReadOptions};
-use trisplat_raster::solid::view_colors;
+use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer, view_colors};
 use trisplat_scene::Scene;
+use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::srgb_from_linear;
-use trisplat_scene::mesh::Colors;
+use trisplat_scene::mesh::{Colors, Mesh};
 
 /// A file with harmonics of degree 2, and its number of triangles.
 fn shiny(folder: &Path, name: &str) -> (PathBuf, u64) {
@@ -51,4 +56,78 @@ fn python_decodes_harmonics_as_we_do() {
             assert!(apart < 1e-4, "{line}: {ours:?}");
         }
     }
+}
+
+/// Pictures of a scene by an engine, and of our renderer with harmonics and without, as a camera
+/// at its viewpoint sees them.
+fn assert_drawn_as_we_do(scene: &Path, picture: &Path, size: UVec2) {
+    let loaded = formats::read(scene, &ReadOptions::default()).unwrap();
+    let Scene::Mesh(mut mesh) = loaded.scene else { panic!("baked files hold meshes") };
+    let camera = loaded.provenance.viewpoint.unwrap().camera(size);
+    let draw = |mesh: &Mesh| {
+        let options = SolidRasterOptions { samples: 4, ..SolidRasterOptions::default() };
+        SolidRasterizer::new().render(mesh, &camera, &options).rgb
+    };
+    let shiny = draw(&mesh);
+    mesh.sh = None;
+    let plain = draw(&mesh);
+    let theirs = RgbImage::load(picture).unwrap();
+    assert_eq!(theirs.size, size);
+    // Where neighbours are alike: samples and filters of edges differ.
+    let width = size.x as usize;
+    let apart =
+        |a: [u8; 3], b: [u8; 3]| (0..3).map(|c| f64::from(a[c].abs_diff(b[c]))).sum::<f64>() / 3.0;
+    let is_flat = |i: &usize| {
+        let near = [i + 1, i + width, i.wrapping_sub(1), i.wrapping_sub(width)];
+        near.iter().all(|k| plain.get(*k).is_some_and(|b| apart(plain[*i], *b) < 3.0))
+    };
+    let flat: Vec<usize> = (0..plain.len()).filter(is_flat).collect();
+    let mean = |ours: &[[u8; 3]]| {
+        flat.iter().map(|i| apart(ours[*i], theirs.rgb[*i])).sum::<f64>() / flat.len() as f64
+    };
+    let [with, without] = [mean(&shiny), mean(&plain)];
+    println!("{}: {with:.2} of 255 from ours, {without:.2} from the plain ones", picture.display());
+    assert!(with < 1.0 && with < 0.7 * without, "{with} with harmonics, {without} without");
+}
+
+#[test]
+fn babylon_draws_harmonics_as_we_do() {
+    let Some(chromium) = chromium() else { return };
+    if !have("babylon", here("target/judges/node_modules/babylonjs").exists()) {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    for name in ["index.html", "sh.js"] {
+        let sample = here("samples/engines/babylon").join(name);
+        std::fs::copy(sample, folder.path().join(name)).unwrap();
+    }
+    let (scene, _) = shiny(folder.path(), "scene.glb");
+    let size = UVec2::new(480, 360);
+    let viewpoint = formats::read(&scene, &ReadOptions::default()).unwrap().provenance.viewpoint;
+    let viewpoint = viewpoint.unwrap();
+    let picture = folder.path().join("babylon.png");
+    let view = json!([{ "size": size.to_array(), "fov": viewpoint.fov, "eye": viewpoint.eye, "target": viewpoint.target, "out": picture }]);
+    let views = folder.path().join("views.json");
+    std::fs::write(&views, view.to_string()).unwrap();
+    let said = open_page_sample(&chromium, folder.path(), Some(&views));
+    assert_eq!(said["errors"], json!([]), "{said}");
+    assert_drawn_as_we_do(&scene, &picture, size);
+}
+
+#[test]
+fn blender_draws_harmonics_as_we_do() {
+    let python = here("target/judges/venv/bin/python");
+    let is_there = Command::new(&python).args(["-c", "import bpy"]).output();
+    if !have("bpy", is_there.is_ok_and(|done| done.status.success())) {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let (scene, _) = shiny(folder.path(), "scene.glb");
+    let size = UVec2::new(160, 120);
+    let picture = folder.path().join("blender.png");
+    let mut blender = Command::new(python);
+    blender.arg(here("tests/judges/blender/view_colors.py")).arg(here("samples/engines/blender"));
+    let done = runs(blender.args([&scene, &picture]).args(size.to_array().map(|x| x.to_string())));
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    assert_drawn_as_we_do(&scene, &picture, size);
 }

@@ -44,5 +44,6 @@ pub use options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
 pub(crate) use part::node_names;
 pub(crate) use read::gltf_info;
 pub use read::{GltfInfo, read};
+pub use sh::ShExtras;
 pub use splats::{holds_splats, read_splats};
 pub use write::{WrittenGltf, to_glb_bytes, write_glb, write_gltf};

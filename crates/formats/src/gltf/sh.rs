@@ -5,7 +5,7 @@
 //! TEXCOORD_0         equal at the corners of a triangle: the middle of its first texel
 //! occlusionTexture   strength 0, so that plain viewers do not see it: a PNG of a triangle's
 //!                    coefficients in a row, by degree, (code - 128) / 127 · scale of the degree
-//! extras             {"trisplat_sh": {"degree", "scale", "channels": "srgb"}}
+//! extras             {"trisplat_sh": {"degree", "scale"}}
 //! ```
 //!
 //! The colour of a corner is its COLOR_0, sRGB-encoded, plus Σ_j c_j Y_j(d), bounded to 0 to 1, with d
@@ -13,6 +13,7 @@
 //! picture is found by coordinates alone, because importers order vertices and flip pictures anew.
 
 use glam::{UVec2, Vec2};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::{Asset, Error, FaceSh, MAX_SH_DEGREE, MAX_SH_PICTURE_SIDE, Result, sh_count};
@@ -25,13 +26,17 @@ const STEPS: f32 = 127.0;
 /// Key of [`ShExtras`] in the extras of a material.
 pub(crate) const KEY: &str = "trisplat_sh";
 
-/// Degree and scales of the picture.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct ShExtras {
+/// View-dependent colours of a material, as `extras.trisplat_sh` in a glTF file: degree and scales
+/// of the picture of its `occlusionTexture`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(title = "trisplat_sh")]
+pub struct ShExtras {
     /// Degree of the harmonics: a triangle has (degree + 1)² texels.
-    pub(crate) degree: u8,
+    #[schemars(range(min = 1, max = 3))]
+    pub degree: u8,
     /// The coefficient of code 255, for each degree from 0 on.
-    pub(crate) scale: Vec<f32>,
+    #[schemars(length(min = 2, max = 4), inner(range(min = 0.0)))]
+    pub scale: Vec<f32>,
 }
 
 /// Places of the triangles of a scene in its picture.
