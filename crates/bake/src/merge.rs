@@ -209,6 +209,7 @@ pub(super) fn rebase(loaded: &mut ImportedScene, frame: &Placement) {
             for corner in soup.vertices.iter_mut().flatten() {
                 *corner = transform(*corner);
             }
+            ShRotation::turn_soup(soup, motion.rotation());
         }
         Scene::Mesh(mesh) => {
             for position in &mut mesh.positions {

@@ -124,6 +124,7 @@ impl SceneRenderer {
         let space = match dataset {
             Some(dataset) => {
                 move_points(soup.vertices.as_flattened_mut(), placement, dataset);
+                ShRotation::turn_soup(&mut soup, placement.rotation().transpose());
                 space_of(dataset)
             }
             None => space_around(soup.vertices.as_flattened()),
@@ -417,4 +418,47 @@ fn space_around(points: &[Vec3]) -> SceneNormalization {
     let (center, spread) = spread(points);
     let scale = if spread > 0.0 { (1.0 / spread) as f32 } else { 1.0 };
     SceneNormalization { center: center.as_vec3(), scale }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trisplat_dataset::{DatasetOptions, View};
+    use trisplat_synthetic::SyntheticOptions;
+
+    #[test]
+    fn harmonics_of_a_placed_soup_turn_with_its_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let photos =
+            SyntheticOptions { views: 4, width: 32, points: 50, ..SyntheticOptions::default() };
+        trisplat_synthetic::write(folder.path(), &photos).unwrap();
+        let dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
+        let placement = Placement { rotate: 70.0, scale: 2.0, ..Placement::IDENTITY };
+        // Colours as bright as the direction is along this axis.
+        let draw = |axis: Vec3, placement: &Placement, view: &View| {
+            let back = view.camera.rotation.transpose();
+            let corner = |x: f32, y: f32| {
+                let world = back * (Vec3::new(x, y, 2.0) - view.camera.translation);
+                placement.to_file((world.as_dvec3() + dataset.origin).as_vec3())
+            };
+            let soup = Soup {
+                vertices: vec![[corner(-3.0, -3.0), corner(9.0, -3.0), corner(-3.0, 9.0)]],
+                opacity: vec![1.0],
+                sigma: vec![1e-3],
+                sh: vec![[0.0; 3], [-axis.y; 3], [axis.z; 3], [-axis.x; 3]],
+                sh_degree: 1,
+                ..Soup::default()
+            };
+            SceneRenderer::soft(soup, placement, Some(&dataset), [0.0; 3]).color(&view.camera)
+        };
+        let axis = Vec3::new(0.7, -0.2, 0.4);
+        let in_file = (placement.rotation() * axis.as_dvec3()).as_vec3();
+        for view in &dataset.views[..2] {
+            let own = draw(axis, &Placement::IDENTITY, view);
+            let placed = draw(in_file, &placement, view);
+            let apart = |(a, b): (&u8, &u8)| a.abs_diff(*b);
+            let codes = own.rgb.as_flattened().iter().zip(placed.rgb.as_flattened());
+            assert!(codes.map(apart).max().unwrap() <= 2);
+        }
+    }
 }

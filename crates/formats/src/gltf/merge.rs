@@ -10,6 +10,7 @@ use glam::{DMat3, DMat4, DVec3, Vec3};
 use gltf_json::accessor::ComponentType;
 use gltf_json::mesh::{TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES};
 use std::collections::{BTreeMap, BTreeSet};
+use trisplat_raster::kernel::sh::ShRotation;
 use trisplat_scene::atlas::PaintedFaces;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
@@ -21,6 +22,8 @@ const VARIANTS: &str = "KHR_materials_variants";
 
 /// Maximum number of warnings about one file.
 const MAX_WARNINGS: usize = 100;
+/// Cosine between the axes of a node from which it shears: rounded numbers stay below.
+const MAX_SHEAR: f64 = 1e-4;
 
 /// A mesh that grows by one primitive at a time.
 pub(crate) struct MergedMesh<'a> {
@@ -456,10 +459,10 @@ impl<'a> MergedMesh<'a> {
     ) -> Result<()> {
         let Some(material) = self.material(primitive, place)? else { return Ok(()) };
         let Some(sh) = material.sh() else { return Ok(()) };
-        if transform.is_some_and(turns) {
-            self.warn("view-dependent colours are not read where a node turns its mesh");
+        let Some(rotation) = transform.map_or(Some(DMat3::IDENTITY), rotation_of) else {
+            self.warn("view-dependent colours are not read where a node shears its mesh");
             return Ok(());
-        }
+        };
         let corner =
             |corner: usize| part.indices.as_ref().map_or(corner, |list| list[corner] as usize);
         let document = self.document;
@@ -474,7 +477,10 @@ impl<'a> MergedMesh<'a> {
             &limits,
         )?;
         match found {
-            Ok(found) => self.sh.push((self.faces, found)),
+            Ok(mut found) => {
+                ShRotation::turn_harmonics(&mut found, rotation);
+                self.sh.push((self.faces, found));
+            }
             Err(why) => self.warn(format!("view-dependent colours are not read: {place}: {why}")),
         }
         Ok(())
@@ -658,11 +664,13 @@ fn reverse_winding<T>(corners: &mut [T]) {
     }
 }
 
-/// True for a transform that does more than to move and to scale.
-fn turns(transform: DMat4) -> bool {
-    let diagonal = DMat3::from_mat4(transform);
-    let scale = DVec3::new(diagonal.x_axis.x, diagonal.y_axis.y, diagonal.z_axis.z);
-    diagonal != DMat3::from_diagonal(scale) || !scale.cmpgt(DVec3::ZERO).all()
+/// The rotation or reflection of a node that scales, then turns; `None` of one that shears.
+fn rotation_of(transform: DMat4) -> Option<DMat3> {
+    let linear = DMat3::from_mat4(transform);
+    let axes = [linear.x_axis, linear.y_axis, linear.z_axis].map(|axis| axis.try_normalize());
+    let [Some(x), Some(y), Some(z)] = axes else { return None };
+    let is_right = |a: DVec3, b: DVec3| a.dot(b).abs() < MAX_SHEAR;
+    (is_right(x, y) && is_right(y, z) && is_right(z, x)).then(|| DMat3::from_cols(x, y, z))
 }
 
 /// The nearest number in [0, 1]; 0 for NaN.

@@ -5,6 +5,7 @@ use glam::{DMat3, DVec3};
 use trisplat_scene::math::real::{Real, V3};
 use trisplat_scene::math::wgsl::{constant, constants};
 use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{FaceSh, Soup};
 
 /// Largest number of coefficients, (3 + 1)².
 pub const MAX_COEFFICIENTS: usize = 16;
@@ -125,8 +126,24 @@ impl ShRotation {
     /// Turns the harmonics of a mesh whose positions were turned by `rotation`.
     pub fn turn(mesh: &mut Mesh, rotation: DMat3) {
         if let Some(sh) = &mut mesh.sh {
+            Self::turn_harmonics(sh, rotation);
+        }
+    }
+
+    /// Turns the harmonics of faces.
+    pub fn turn_harmonics(sh: &mut FaceSh, rotation: DMat3) {
+        if rotation != DMat3::IDENTITY {
             let turn = Self::new(rotation);
             sh.map_faces(|coefficients| turn.apply(coefficients));
+        }
+    }
+
+    /// The same of a soup whose corners were turned.
+    pub fn turn_soup(soup: &mut Soup, rotation: DMat3) {
+        if soup.sh_degree > 0 {
+            let turn = Self::new(rotation);
+            let width = soup.sh_count();
+            soup.sh.chunks_mut(width).for_each(|coefficients| turn.apply(coefficients));
         }
     }
 

@@ -1,11 +1,12 @@
 //! Written files read back: every colour and position encoding, compressed or not, chunked,
 //! indexed.
 
-use super::files::{mesh, read, read_bytes};
+use super::files::{glb, mesh, read, read_bytes};
 use glam::Vec3;
 use proptest::prelude::*;
 use std::path::Path;
 use trisplat_formats::gltf::{ColorEncoding, GltfOptions, PositionEncoding, write_glb, write_gltf};
+use trisplat_raster::solid::view_colors;
 use trisplat_scene::{
     Asset, Chunk, FaceSh, Placement, Provenance, Rng, UpAxis,
     math::color::{linear_from_srgb, srgb_from_linear},
@@ -397,6 +398,46 @@ fn harmonics_read_back_with_every_storage_of_positions() {
             }
         }
     }
+}
+
+/// A scene that editors turned, enlarged and mirrored shows from there what it showed before.
+#[test]
+fn harmonics_turn_with_the_node_of_their_mesh() {
+    let asset = shiny(12);
+    let mut bytes = Vec::new();
+    write_glb(&mut bytes, Path::new("scene.glb"), &asset, &GltfOptions::default()).unwrap();
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    let read = |node: serde_json::Value| {
+        let mut json = json.clone();
+        for (key, value) in node.as_object().unwrap() {
+            json["nodes"][0][key] = value.clone();
+        }
+        let json = serde_json::to_vec(&json).unwrap();
+        read_bytes(&glb(&json, &bytes[28 + length..])).unwrap()
+    };
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    // A quarter of a turn about x, twice as large, x mirrored.
+    let turned = serde_json::json!({ "rotation": [half, 0.0, 0.0, half], "scale": [-2, 2, 2] });
+    let moved = |p: Vec3| Vec3::new(-2.0 * p.x, -2.0 * p.z, 2.0 * p.y);
+    let [own, turned] = [serde_json::json!({}), turned].map(|node| mesh(read(node)));
+    assert!(turned.positions[0].distance(moved(own.positions[0])) < 1e-4);
+    for eye in [Vec3::new(40.0, 3.0, -9.0), Vec3::new(-4.0, -50.0, 30.0)] {
+        let [own, turned] =
+            [(&own, eye), (&turned, moved(eye))].map(|(mesh, eye)| view_colors(mesh, eye).unwrap());
+        let (Colors::Vertex(own), Colors::Vertex(turned)) = (own, turned) else { panic!() };
+        // Mirrored faces have their corners in the other order.
+        let apart =
+            own.iter().step_by(3).zip(turned.iter().step_by(3)).map(|(own, turned)| {
+                (0..3).map(|c| (own[c] - turned[c]).abs()).fold(0.0, f32::max)
+            });
+        assert!(apart.fold(0.0, f32::max) < 1e-4);
+    }
+    let sheared =
+        serde_json::json!({ "matrix": [1, 0, 0, 0, 0.5, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1] });
+    let sheared = read(sheared);
+    assert!(sheared.warnings.iter().any(|warning| warning.contains("shears")));
+    assert!(mesh(sheared).sh.is_none());
 }
 
 #[test]
