@@ -110,8 +110,8 @@ pub use trisplat_job::{
     AnyScene, BakeInput, BakeJob, Baked, CoverageScores, DepthScores, EvalJob, EvalReport, Event,
     ImageScore, MakeDone, MakeJob, MakePart, MeshJob, Observer, PictureKind, ReadyEval,
     ReadyRender, RenderJob, RenderMode, RenderOptions, Renderer, RepresentationScore,
-    ScoredPicture, Scores, TeacherPlan, TeacherSource, TrainBegins, TrainJob, TrainPart,
-    TrainResult, bake, read, read_bytes, score, train, write,
+    ScoredPicture, Scores, ShineScores, TeacherPlan, TeacherSource, TrainBegins, TrainJob,
+    TrainPart, TrainResult, bake, read, read_bytes, score, train, write,
 };
 pub use trisplat_scene::camera::{Camera, Viewpoint};
 pub use trisplat_scene::image::RgbImage;

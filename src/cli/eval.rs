@@ -12,6 +12,7 @@ use std::path::PathBuf;
 use trisplat_dataset::{Dataset, ShrunkSize, View};
 use trisplat_job::{
     CoverageScores, DepthScores, EvalJob, EvalReport, RepresentationScore, ScoredPicture, Scores,
+    ShineScores,
 };
 use trisplat_scene::{Error, Result};
 
@@ -212,6 +213,13 @@ impl ScoreTable {
         if let Some(psnr) = step.psnr_own_exposure {
             let what = "at each photo's exposure and white balance as tracked points tell them";
             self.line(out, &format!("exposed {name:<5} {psnr:.3} dB {what}"))?;
+        }
+        if let Some(ShineScores { typical, largest }) = step.shine {
+            let change = format!("{typical:.3} typical, {largest:.3} largest change of colour");
+            self.line(
+                out,
+                &format!("shine   {name:<5} {change}, seen from 60° beside the cameras"),
+            )?;
         }
         let Some(CoverageScores { unsupported, empty }) = step.beside else { return Ok(()) };
         let shares = format!("{unsupported:.3} that no photo supports, {empty:.3} empty");

@@ -5,6 +5,7 @@ use super::grade::{Grade, Look};
 use super::renderer::RenderOptions;
 use super::representations::{self, Representation};
 use super::scores::{self, EvalReport, ImageScore, RepresentationScore, ScoredPicture};
+use super::shine::shine;
 use glam::UVec2;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -255,6 +256,7 @@ impl<'a> ReadyEval<'a> {
                     .and_then(|(mesh, near)| extrapolation::depth(mesh, near, self.dataset)),
                 beside: beside.filter(|_| self.job.extrapolation),
                 grade: Some(Grade::of(Look::mean(&looks), beside)),
+                shine: surface.and_then(|(mesh, near)| shine(mesh, near, self.dataset)),
                 name: step.name.to_owned(),
                 triangles: step.triangles,
                 splats: step.renderer.splat_count(),

@@ -3,6 +3,7 @@
 
 use super::extrapolation::{CoverageScores, DepthScores};
 use super::grade::Grade;
+use super::shine::ShineScores;
 use glam::Vec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -69,6 +70,9 @@ pub struct RepresentationScore {
     /// How it looks, in one word; absent in older reports.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub grade: Option<Grade>,
+    /// Change of view-dependent colours in views 60° beside the cameras; absent without any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shine: Option<ShineScores>,
     /// Mean PSNR of drawings that are brought to the estimated exposure and white balance of each
     /// photo, dB: an estimate from tracked points, never fitted to the picture. Absent where a
     /// photo has none.
