@@ -106,6 +106,8 @@ pub struct LevelSource<'a> {
     pub cameras: &'a [Camera],
     /// Enlarges the remaining triangles to cover gaps.
     pub enlarge: bool,
+    /// True if triangles are those of a soup, which are never connected.
+    pub is_soup: bool,
 }
 
 /// A level after the stages that follow this one.
@@ -141,7 +143,8 @@ pub fn lod(
     if !levels.is_empty() {
         return Ok(Outcome::Skipped("the scene has levels already"));
     }
-    let Parts { connected, loose } = Parts::of(source.mesh);
+    let Parts { connected, loose } =
+        if source.is_soup { Parts::of_soup(source.mesh) } else { Parts::of(source.mesh) };
     let loose = LevelSource { mesh: &loose, ..*source };
     let fewest = options.lod.last().map_or(1, |share| faces_of_share(loose.mesh, *share));
     let mut decimation = Decimation::new(loose.mesh, source.cameras);

@@ -23,13 +23,15 @@ use super::viewpoint::ViewpointDetails;
 use super::views::Views;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Counts, Outcome, Report, StageDetails, StageObserver, StageProgress};
-use trisplat_scene::{Asset, ImportedScene, Placement, Result, UpAxis};
+use trisplat_scene::{Asset, ImportedScene, Placement, Result, Scene, UpAxis};
 use values::{FileFrame, LevelContext, LoadedScene, NormalSources, SceneCameras};
 
 /// A bake that is running: its options, and where it reports.
 pub(super) struct Recipe<'a> {
     options: &'a BakeOptions,
     budget: TriangleBudget,
+    /// True if the input is a soup: its triangles are not connected, even where they touch.
+    is_soup: bool,
     report: &'a mut Report,
     observer: StageObserver<'a>,
 }
@@ -52,7 +54,7 @@ impl<'a> Recipe<'a> {
         observer: StageObserver<'a>,
     ) -> Self {
         let budget = TriangleBudget::new(options.prune.max_triangles);
-        Self { options, budget, report, observer }
+        Self { options, budget, is_soup: false, report, observer }
     }
 
     /// Bakes inputs, merged. `photos` are left in the frame of the scene. `background` is given
@@ -67,6 +69,7 @@ impl<'a> Recipe<'a> {
         let is_merged = inputs.len() > 1;
         let LoadedScene { scene, input_backdrop, mut pictures, assumed_up } =
             self.load(inputs, photos)?;
+        self.is_soup = matches!(scene.scene, Scene::Soup(_));
         let (scene, background) = self.background(scene, background, &pictures)?;
         let (scene, crop) = self.crop(scene, &pictures)?;
         let scene = self.simplify(scene, input_backdrop.as_ref(), &pictures)?;

@@ -68,10 +68,15 @@ pub(crate) struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
+    /// All faces loose.
+    pub(crate) fn of_soup(mesh: &'a Mesh) -> Self {
+        Self { connected: None, loose: Cow::Borrowed(mesh) }
+    }
+
     pub(crate) fn of(mesh: &'a Mesh) -> Self {
         let is_connected = connected_flags(mesh);
         if !is_connected.contains(&true) {
-            return Self { connected: None, loose: Cow::Borrowed(mesh) };
+            return Self::of_soup(mesh);
         }
         let part = |of: bool| {
             let faces: Vec<u32> = (0..mesh.face_count() as u32)

@@ -64,6 +64,7 @@ impl Recipe<'_> {
             mesh: &plan.unpainted,
             cameras: &cameras.visibility,
             enlarge: self.options.unseen.enlarge,
+            is_soup: self.is_soup,
         };
         let level_options = if self.options.tiles.tiles {
             // They are cut again into tiles.

@@ -23,6 +23,7 @@ impl Recipe<'_> {
         is_soft: bool,
     ) -> Result<Mesh> {
         let options = self.options;
+        let is_soup = self.is_soup;
         let backdrop = self.backdrop_in_gaps(&mesh, input_backdrop);
         let has_backdrop = backdrop.is_some();
         let budget =
@@ -55,7 +56,8 @@ impl Recipe<'_> {
                 // A scene that keeps its shell gets no sphere, so its budget leaves no room for
                 // one.
                 let max_faces = if protected.is_empty() { max_faces } else { budget.total };
-                if max_faces.is_some_and(|most| mesh.face_count() as u64 > most) {
+                let exceeds = max_faces.is_some_and(|most| mesh.face_count() as u64 > most);
+                if exceeds && !is_soup {
                     protect_connected(mesh, &mut protected);
                 }
                 let limit = FaceLimit { max_faces, protected };

@@ -83,7 +83,7 @@ fn twice<T, D: StageDetails>(
 
 /// Two levels of a mesh, as they are before the stages that finish them.
 fn levels(mesh: &Mesh, what: &str) -> Result<Vec<Asset>> {
-    let source = LevelSource { mesh, cameras: &[], enlarge: true };
+    let source = LevelSource { mesh, cameras: &[], enlarge: true, is_soup: false };
     let options = LodOptions { lod: vec![0.5, 0.1] };
     let unfinished = |mesh, _: StageProgress<'_>| {
         Ok(FinishedLevel { asset: Asset { mesh, ..Asset::default() }, psnr: None })
