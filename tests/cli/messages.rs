@@ -479,7 +479,7 @@ fn bake_of_a_mesh_names_its_up_axis_and_removed_alpha() {
     };
     let text = said(&[]);
     assert!(text.contains("removed 1 triangle whose alpha is below 0.014"), "{text}");
-    assert!(text.contains("taken as y: --up -y if it lies on its head"), "{text}");
+    assert!(text.contains("taken as −y: --up y if it lies on its head"), "{text}");
     assert!(!said(&["--up", "y"]).contains("taken as"));
 }
 

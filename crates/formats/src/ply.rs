@@ -75,6 +75,10 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
             &mut warnings,
         )?)
     };
+    // Triangles with vertices of their own are those of a soup, in the frame of its cameras.
+    if matches!(&scene, Scene::Mesh(mesh) if mesh.indices.is_empty()) {
+        provenance.usual_up = None;
+    }
     let loaded = ImportedScene { scene, provenance, warnings, cameras };
     finish(path, loaded, origin)
 }

@@ -373,7 +373,8 @@ fn pickle_bytes(file: &Path) -> Option<Vec<u8>> {
     let names: Vec<String> = archive.file_names().flatten().map(Cow::into_owned).collect();
     let name = names.iter().find(|name| name.ends_with("data.pkl"))?;
     let mut bytes = Vec::new();
-    archive.by_name(name).ok()?.take(MAX_PICKLE_BYTES).read_to_end(&mut bytes).ok()?;
+    // PyTorch may write no checksum: what was read is enough for a message.
+    let _ = archive.by_name(name).ok()?.take(MAX_PICKLE_BYTES).read_to_end(&mut bytes);
     Some(bytes)
 }
 
@@ -386,7 +387,9 @@ const TRIANGLES: &[u8] = b"K\x03K\x03\x87";
 fn other_archive(names: &[String]) -> &'static str {
     let has = |ending: &str| names.iter().any(|name| name.to_ascii_lowercase().ends_with(ending));
     let photos = ["jpg", "jpeg", "png", "heic", "tif", "tiff"];
-    if photos.into_iter().any(has)
+    if has(".npy") {
+        "is a NumPy archive, as research codes store compressed Gaussians; export plain Gaussians (a PLY as 3DGS writes it)"
+    } else if photos.into_iter().any(has)
         && !["ply", "obj", "glb", "gltf", "usdc", "usda"].into_iter().any(has)
     {
         "is a zip archive of photos; unpack it: `trisplat make` makes a scene of the folder"

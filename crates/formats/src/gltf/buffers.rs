@@ -5,6 +5,7 @@
 use super::container::{ContainerFile, GlbChunk};
 use super::document::{FREE_UNPACKED_BYTES, GltfImage, entry, parse};
 use super::meshopt::MAX_UNPACK_RATIO;
+use crate::source::LFS_POINTER;
 use crate::{ReadOptions, Source};
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use base64::{Engine, alphabet};
@@ -182,7 +183,13 @@ impl<'a> Buffers<'a> {
         }
         let path = self.path.parent().unwrap_or(Path::new("")).join(name);
         match input::open(&path, &self.options.limits) {
-            Ok((file, len)) => Ok((OpenBuffer::File(Arc::new(file), 0), len)),
+            Ok((file, len)) => {
+                let mut source = Source { path, file: Arc::new(file), len };
+                if input::is_lfs_pointer(&source.head()?) {
+                    return refuse(&format!("which {LFS_POINTER}"));
+                }
+                Ok((OpenBuffer::File(source.file, 0), len))
+            }
             Err(Error::Unsupported { reason, .. }) => refuse(&format!("which {reason}")),
             Err(error) => Err(error),
         }

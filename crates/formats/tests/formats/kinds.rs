@@ -32,6 +32,13 @@ fn git_lfs_pointer_of_any_format_names_git_lfs_pull() {
         let text = refusal(name, pointer);
         assert!(text.contains("git lfs pull") && text.contains(name), "{name}: {text}");
     }
+    // A buffer beside a good glTF.
+    let gltf = br#"{"asset":{"version":"2.0"},"nodes":[{"mesh":0}],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}],
+        "bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"byteLength":36,"uri":"a.bin"}]}"#;
+    let folder = in_folder(&[("a.gltf", gltf), ("a.bin", pointer)]);
+    let text = content(&folder.path().join("a.gltf")).expect_err("a pointer").to_string();
+    assert!(text.contains("a.bin") && text.contains("git lfs pull"), "{text}");
     // A library beside a good OBJ.
     let obj = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n";
     let folder = in_folder(&[("a.obj", obj), ("a.mtl", pointer)]);
@@ -192,7 +199,7 @@ fn meshes_are_y_up_unless_their_program_says_otherwise() {
     let ply = |comment: &str| {
         let head = "property float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\n";
         let text = format!(
-            "ply\nformat ascii 1.0\n{comment}element vertex 3\n{head}end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+            "ply\nformat ascii 1.0\n{comment}element vertex 3\n{head}end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 2 1\n"
         );
         let folder =
             in_folder(&[("a.ply", text.as_bytes()), ("meshed-poisson.ply", text.as_bytes())]);
