@@ -2,7 +2,8 @@
 //!
 //! The list is of one version of a scene, this bake is of the next one, whose triangles are others.
 //! So a place is erased, not a number: a triangle goes if its middle is on a listed one and it is
-//! not much larger. Runs on triangles that no longer move, before levels of detail and colours.
+//! not much larger, unless the listed one itself is still there. Runs on triangles that no longer
+//! move, before levels of detail and colours.
 
 use glam::Vec3;
 use schemars::JsonSchema;
@@ -18,6 +19,8 @@ use trisplat_scene::{Error, Placement, Provenance, Result};
 /// Distance of a middle from a listed triangle up to which it is on it, as a share of the longest
 /// edge of that: neighbours' middles are about 0.3 away.
 const MAX_DISTANCE: f32 = 0.2;
+/// Distance of equal corners, as a share of the longest edge.
+const SAME: f32 = 1e-3;
 /// Longest edge of a triangle that goes, as a multiple of that of the listed one.
 const MAX_SIZE: f32 = 2.0;
 /// The format of the list.
@@ -159,14 +162,23 @@ impl EraseList {
             let low = triangle.iter().copied().fold(Vec3::INFINITY, Vec3::min) - reach;
             let high = triangle.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max) + reach;
             let first = middles.partition_point(|(middle, _)| middle.x < low.x);
-            let near = middles[first..].iter().take_while(|(middle, _)| middle.x <= high.x);
-            for (middle, face) in near {
-                let is_near = middle.cmpge(low).all()
+            let within = middles[first..].iter().take_while(|(middle, _)| middle.x <= high.x);
+            let is_near = |(middle, face): &&(Vec3, usize)| {
+                middle.cmpge(low).all()
                     && middle.cmple(high).all()
                     && distance(*middle, triangle) <= reach
-                    && longest_edge(&mesh.corners(*face)) <= MAX_SIZE * size;
-                erased[*face] |= is_near;
-                *matched |= is_near;
+                    && longest_edge(&mesh.corners(*face)) <= MAX_SIZE * size
+            };
+            let near: Vec<usize> = within.filter(is_near).map(|(_, face)| *face).collect();
+            *matched |= !near.is_empty();
+            let is_same = |face: &&usize| {
+                let has = |p: &Vec3| triangle.iter().any(|q| p.distance(*q) <= SAME * size);
+                mesh.corners(**face).iter().all(has)
+            };
+            // Where the triangle is still there, what lies over it stays.
+            let has_same = near.iter().any(|face| is_same(&face));
+            for face in near.iter().filter(|face| !has_same || is_same(face)) {
+                erased[*face] = true;
             }
         }
         erased
