@@ -55,7 +55,7 @@ fn streamed_sog_names_its_finest_files() {
     let of_folder = content(folder.path()).expect_err("a folder").to_string();
     assert!(of_folder.contains("streamed SOG"), "{of_folder}");
     let as_data = trisplat_dataset::Dataset::load(
-        &folder.path().join("lod-meta.json"),
+        folder.path().join("lod-meta.json"),
         &trisplat_dataset::DatasetOptions::default(),
     );
     assert!(as_data.expect_err("no photos").to_string().contains("streamed SOG"));

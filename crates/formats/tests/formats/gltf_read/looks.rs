@@ -51,7 +51,8 @@ fn skinned_mesh_stands_where_its_joints_rest() {
 
 #[test]
 fn skin_that_does_not_fit_leaves_the_mesh_in_place() {
-    let cases: [(fn(&mut Builder), &str); 4] = [
+    type Edit = fn(&mut Builder);
+    let cases: [(Edit, &str); 4] = [
         (|b| b.json["nodes"][0]["skin"] = 3.into(), "skin 3 does not exist"),
         (|b| b.json["skins"][0]["joints"] = json!([1, 99]), "not in the scene"),
         (|b| b.json["skins"][0]["inverseBindMatrices"] = 0.into(), "no matrix for each joint"),
