@@ -451,7 +451,9 @@ mod tests {
     fn photos_on_their_side_among_tilted_ones_are_known_by_their_columns() {
         // Nine of ten on their side, some tilted by the hand that turned them.
         let up = Vec3::new(0.9, 0.15, 0.4).normalize();
-        let roll = |i: usize| if i % 10 == 0 { 0.0 } else { 1.57 + 0.06 * ((i % 5) as f32 - 2.0) };
+        let roll = |i: usize| {
+            if i.is_multiple_of(10) { 0.0 } else { 1.57 + 0.06 * ((i % 5) as f32 - 2.0) }
+        };
         let found = estimate_of(&Mesh::default(), &ring(77, up, roll)).expect("cameras");
         assert!(degrees(&found, up) < 3.0, "{found:?}");
         assert_eq!((found.confidence, found.other), (Confidence::High, None), "{found:?}");
