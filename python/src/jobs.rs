@@ -37,7 +37,7 @@ pub fn make<'py>(
     options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let mut job = MakeJob::new(paths(inputs)?, output);
-    job.bake = options::resolve(py, options, BakeOptions::preset)?.options;
+    job.bake = options::resolve(py, options, BakeOptions::preset_for_photos)?.options;
     job.dataset_options = options::plain(py, dataset_options)?;
     job.page = page;
     job.force = force;

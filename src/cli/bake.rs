@@ -11,7 +11,7 @@ use clap::ArgMatches;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Instant;
-use trisplat_bake::{BakeOptions, ReshapeDetails, TeacherDetails, TextureWhen};
+use trisplat_bake::{BakeOptions, ReshapeDetails, ShDetails, TeacherDetails, TextureWhen};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::info::Softness;
 use trisplat_formats::output::OutputFormat;
@@ -84,7 +84,19 @@ fn say(report: &Report, progress: &Progress) {
     {
         progress.line(&soft_note(&softness, report.details().as_ref()));
     }
+    if let Some(note) = shine_note(report) {
+        progress.line(&note);
+    }
     progress.wrote(report);
+}
+
+/// What view-dependent colours gained, if the files have some.
+pub(super) fn shine_note(report: &Report) -> Option<String> {
+    let gain = report.details::<ShDetails>()?.gain()?;
+    Some(format!(
+        "view-dependent colours gain {gain:.1} dB on photos that they were not fitted to; \
+         viewers that do not know them show the plain ones"
+    ))
 }
 
 /// The softness of the scene, the score of its solid triangles, and a hint.

@@ -1,7 +1,7 @@
 //! `trisplat make INPUT -o scene.glb`: from photos or a video to a file for an engine and a page,
 //! in one command.
 
-use super::bake::textured_by_itself;
+use super::bake::{shine_note, textured_by_itself};
 use super::capture::advise;
 use super::flags::{self, OptionSources};
 use super::inputs::Inputs;
@@ -37,6 +37,7 @@ const WORST: usize = 2;
 
 /// Photos or videos, and the files to make.
 #[derive(Debug, clap::Args)]
+#[command(mut_arg("sh", |sh| sh.default_value("auto")))]
 pub struct MakeArgs {
     /// Photos, a video, or folders of them; or a data set that has poses
     #[arg(required = true, value_name = "INPUT")]
@@ -95,8 +96,8 @@ pub fn run(
         job.work = work.clone();
     }
     let sources = OptionSources { matches, sets: &[], config: None };
-    job.bake =
-        sources.resolve(&args.bake, &args.dataset_options.limits, BakeOptions::preset)?.options;
+    let limits = &args.dataset_options.limits;
+    job.bake = sources.resolve(&args.bake, limits, BakeOptions::preset_for_photos)?.options;
     textured_by_itself(&mut job.bake, matches, &args.output);
     guard(args, inputs, &page, &job)?;
     job.page = Some(page);
@@ -180,6 +181,9 @@ fn say(done: &MakeDone, args: &MakeArgs, work: &str, progress: &Progress) {
     if let Some(why) = done.no_subject {
         let whole = args.output.display();
         progress.line(&format!("no file of the subject alone, as {why}; {whole} is the scene"));
+    }
+    if let Some(note) = shine_note(&done.report) {
+        progress.line(&note);
     }
     if let Some(details) = done.report.details::<TrainDetails>() {
         for line in verdict(&details, done, args) {

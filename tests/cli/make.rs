@@ -177,6 +177,8 @@ fn make_writes_a_file_and_a_page_and_trains_once() {
         serde_json::from_slice(&std::fs::read(at("a.json")).unwrap()).unwrap();
     let stages = report["stages"].as_array().unwrap();
     let has = |name: &str| stages.iter().any(|stage| stage["name"] == name);
+    let sh = stages.iter().find(|stage| stage["name"] == "sh").unwrap();
+    assert!(sh["details"]["psnr_sh"].is_number(), "held-out photos judge harmonics: {sh}");
     assert!(has("capture") && has("train") && has("refit") && has("write"), "{stages:?}");
     assert_eq!(report["outputs"].as_array().unwrap().len(), 3, "{report}");
     // A capture with a subject gets a file of it, and the last lines say which file is for what.

@@ -182,6 +182,11 @@ impl BakeOptions {
         }
     }
 
+    /// The same for a scene of photos: view-dependent colours, where photos gain by them.
+    pub fn preset_for_photos(preset: BakePreset) -> Self {
+        Self { sh: ShOptions::AUTO, ..Self::preset(preset) }
+    }
+
     /// The options of the preset `fast`.
     pub fn fast() -> Self {
         Self::preset(BakePreset::Fast)

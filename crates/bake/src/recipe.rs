@@ -91,7 +91,8 @@ impl<'a> Recipe<'a> {
         let cameras = SceneCameras::new(stored_cameras, &pictures, viewpoint_cameras);
 
         // Solid and visible triangles, fitted to the pictures.
-        let (mesh, mut provenance) = self.solid_mesh(scene, &cameras.visibility)?;
+        let has_pictures = pictures.any().is_some();
+        let (mesh, mut provenance) = self.solid_mesh(scene, &cameras.visibility, has_pictures)?;
         let mesh = self.unseen(mesh, backdrop, pictures.any(), &cameras, traits.is_soft)?;
         let mesh = self.fit(mesh, provenance.exposure, &mut pictures, traits, &cameras.photos)?;
 

@@ -61,6 +61,11 @@ impl ShDegree {
             Self::Three => &[3],
         }
     }
+
+    /// The highest of them; 0 for plain colours.
+    pub fn max_degree(self) -> u8 {
+        self.degrees().last().copied().unwrap_or(0)
+    }
 }
 
 /// View-dependent colours.
@@ -77,6 +82,8 @@ pub struct ShOptions {
 impl ShOptions {
     /// Plain colours.
     pub const DEFAULT: Self = Self { sh: ShDegree::Zero };
+    /// Those that held-out photos ask for.
+    pub const AUTO: Self = Self { sh: ShDegree::Auto };
 }
 
 trisplat_scene::default!(ShOptions);
@@ -101,6 +108,13 @@ pub struct ShDetails {
 }
 
 trisplat_scene::stage!(ShDetails, "sh");
+
+impl ShDetails {
+    /// Gain on held-out photos by the harmonics that were written, dB.
+    pub fn gain(&self) -> Option<f64> {
+        self.degree.and(Some(self.psnr_sh? - self.psnr_plain?))
+    }
+}
 
 /// Candidates for λ, px: with many photos per triangle little pull is best, with few much.
 const RIDGES: [f64; 6] = [0.25, 1.0, 4.0, 16.0, 64.0, 256.0];
@@ -143,14 +157,24 @@ pub fn sh(
             Err(Error::invalid("sh", format!("{} with {why}", degrees[0]), wants))
         }
     };
+    if let Some(instead) = instead {
+        mesh.sh = None;
+        return refused(instead);
+    }
     let Some(views) = views.filter(|views| !views.is_empty()) else {
-        return refused("neither photos nor pictures of the scene");
+        let Some(own) = &mesh.sh else {
+            return refused("neither photos nor harmonics of the scene");
+        };
+        let degree = own.degree();
+        if behind > FaceSh::max_faces(degree) {
+            mesh.sh = None;
+            return refused("too many triangles");
+        }
+        details.degree = Some(degree);
+        return Ok(Outcome::Skipped("the scene has its own harmonics"));
     };
     if !mesh.indices.is_empty() {
         return refused("a mesh whose faces share vertices");
-    }
-    if let Some(instead) = instead {
-        return refused(instead);
     }
     let fits = |degree: &u8| {
         behind <= FaceSh::max_faces(*degree)

@@ -351,11 +351,13 @@ impl BakeJob {
         Ok(InputContent::Scenes(scenes))
     }
 
-    /// The SH degree to read: only the teacher draws more than degree 0.
+    /// The SH degree to read: the teacher draws more than degree 0, and without photos a scene may
+    /// keep it.
     fn sh_degree(&self) -> u8 {
-        let draws_teacher =
-            self.photos.is_none() && self.options.teacher.teacher == TeacherWhen::Auto;
-        if draws_teacher || self.harden.is_some() { 3 } else { 0 }
+        let draws_teacher = self.options.teacher.teacher == TeacherWhen::Auto;
+        let keeps_sh = self.options.sh.sh.max_degree() > 0;
+        let is_used = self.photos.is_none() && (draws_teacher || keeps_sh);
+        if is_used || self.harden.is_some() { 3 } else { 0 }
     }
 }
 

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use trisplat_bake::{BackdropWhen, BakeOptions};
+use trisplat_bake::{BackdropWhen, BakeOptions, BakePreset};
 use trisplat_dataset::capture::{Capture, CaptureOptions, VerdictDetails, check_apart};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::output::{self, OutputFormat};
@@ -162,7 +162,7 @@ impl MakeJob {
             dataset_options: DatasetOptions::default(),
             train: TrainOptions::default(),
             backend: BackendOptions::default(),
-            bake: BakeOptions::default(),
+            bake: BakeOptions::preset_for_photos(BakePreset::Default),
             budget: Some(Seconds(600.0)),
         }
     }

@@ -2,24 +2,27 @@
 
 use super::Recipe;
 use crate::prune::{PruneOptions, prune};
-use crate::solid::{color, solid};
+use crate::sh::ShDegree;
+use crate::solid::{color_with_sh, solid};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Outcome, counted};
 use trisplat_scene::{ImportedScene, Provenance, Result, Scene};
 
 impl Recipe<'_> {
-    /// The loaded scene as a mesh, with its provenance. `cameras` see it.
+    /// The loaded scene as a mesh, with its provenance. `cameras` see it. Without pictures to fit
+    /// others to, it keeps its own harmonics.
     pub(super) fn solid_mesh(
         &mut self,
         loaded: ImportedScene,
         cameras: &[Camera],
+        has_pictures: bool,
     ) -> Result<(Mesh, Provenance)> {
         let ImportedScene { mut scene, provenance, warnings, .. } = loaded;
         self.report.warnings.extend(warnings);
         if let Scene::Soup(soup) = &mut scene {
-            // Only the teacher draws more.
-            soup.truncate_sh(0);
+            let own = if has_pictures { ShDegree::Zero } else { self.options.sh.sh };
+            soup.truncate_sh(own.max_degree());
         }
         let mesh = self.solidify(scene, cameras)?;
         let mesh = self.simplify_shell(mesh, cameras)?;
@@ -44,7 +47,8 @@ impl Recipe<'_> {
             let Scene::Soup(soup) = scene else {
                 return Ok(Outcome::Skipped("the input is a mesh: it has colours"));
             };
-            *scene = Scene::Mesh(color(std::mem::take(soup), details)?);
+            let degree = soup.sh_degree;
+            *scene = Scene::Mesh(color_with_sh(std::mem::take(soup), degree, details)?);
             Ok(Outcome::Changed(()))
         })?;
         match scene {

@@ -5,10 +5,11 @@ use glam::Vec3;
 use std::ops::ControlFlow::Continue;
 use trisplat_bake::{Bake, BakeOptions, ShDegree, ShDetails, ShOptions, UpChoice, Views, sh};
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_raster::solid::view_colors;
-use trisplat_scene::mesh::Mesh;
+use trisplat_raster::solid::{direction_basis, view_colors};
+use trisplat_scene::math::color::srgb_from_linear;
+use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::report::{Outcome, StageProgress};
-use trisplat_scene::{FaceSh, ImportedScene, Provenance, Result, Scene, UpAxis};
+use trisplat_scene::{FaceSh, ImportedScene, Provenance, Result, Scene, Soup, UpAxis};
 
 /// The scene, each triangle brighter from a side of its own.
 fn shiny() -> Mesh {
@@ -108,4 +109,45 @@ fn sh_of_a_placed_scene_shows_the_photos() {
     let plain = score(ShDegree::Zero);
     let with = score(ShDegree::One);
     assert!(with > plain + 1.3, "{plain} {with}");
+}
+
+/// What a trainer of opaque triangles writes: harmonics of degree 3, and nothing to fit.
+#[test]
+fn sh_of_a_solid_soup_without_photos_is_its_own() {
+    let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let sh: Vec<[f32; 3]> = (0..16).map(|j| [0.1 * (j as f32).sin(), 0.05, -0.02]).collect();
+    // Beyond what a plain colour holds.
+    let sh: Vec<[f32; 3]> = [[-2.5, 0.3, 2.0]].into_iter().chain(sh.into_iter().skip(1)).collect();
+    let soup = Soup {
+        vertices: vec![corners],
+        opacity: vec![1.0],
+        sigma: vec![1e-3],
+        sh: sh.clone(),
+        sh_degree: 3,
+        ..Soup::default()
+    };
+    let bake = |degree| {
+        let mut options = BakeOptions::DEFAULT.clone();
+        options.sh.sh = degree;
+        Bake::new(&options).run([ImportedScene::from(soup.clone())]).unwrap()
+    };
+    assert!(bake(ShDegree::Zero).mesh.sh.is_none());
+    let asset = bake(ShDegree::Two);
+    assert_eq!(asset.mesh.sh.as_ref().map(FaceSh::degree), Some(2));
+    let to_file = asset.provenance.placement.transform();
+    let nearest = |corner: &Vec3| {
+        let distance = |i: &usize| asset.mesh.positions[*i].distance(to_file(*corner));
+        (0..3).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap()
+    };
+    for eye in [Vec3::new(3.0, -2.0, 5.0), Vec3::new(-1.0, 4.0, -2.0)] {
+        let Some(Colors::Vertex(seen)) = view_colors(&asset.mesh, to_file(eye)) else { panic!() };
+        for corner in corners {
+            let basis = direction_basis(2, corner, eye);
+            for c in 0..3 {
+                let code = 0.5 + sh.iter().zip(&basis[..9]).map(|(own, y)| own[c] * y).sum::<f32>();
+                let found = srgb_from_linear(seen[nearest(&corner)][c]);
+                assert!((found - code.clamp(0.0, 1.0)).abs() < 2e-3, "{eye} {found} {code}");
+            }
+        }
+    }
 }
