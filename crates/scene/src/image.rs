@@ -4,6 +4,7 @@
 //! literature (3DGS, Held et al. 2025).
 
 mod decode;
+mod mask;
 mod png;
 mod shrink;
 
@@ -136,11 +137,9 @@ impl RgbImage {
     }
 
     /// Reads a mask within `limits`: one channel per pixel, rows from the top; colours become their
-    /// luma.
+    /// luma, and 0 and 1 become 0 and 255.
     pub fn load_mask(path: &Path, limits: &Limits) -> Result<(UVec2, Vec<u8>)> {
-        let picture = decode(path, limits)?;
-        let size = UVec2::new(picture.width(), picture.height());
-        Ok((size, picture.into_luma8().into_raw()))
+        mask::load(path, limits)
     }
 
     /// Width and height of a picture file, from its first bytes; an error when they exceed `limits`

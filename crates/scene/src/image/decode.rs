@@ -29,7 +29,7 @@ pub(super) fn decode_bytes(
 }
 
 /// A picture file at byte 0.
-struct OpenPicture {
+pub(super) struct OpenPicture {
     file: BufReader<File>,
     len: u64,
     /// Its first bytes.
@@ -37,7 +37,7 @@ struct OpenPicture {
 }
 
 impl OpenPicture {
-    fn new(path: &Path, limits: &Limits) -> Result<Self> {
+    pub(super) fn new(path: &Path, limits: &Limits) -> Result<Self> {
         let (file, len) = input::open(path, limits)?;
         limits.document(path.display(), len)?;
         let mut file = BufReader::new(file);
@@ -46,9 +46,14 @@ impl OpenPicture {
         Ok(Self { file, len, start })
     }
 
+    /// True for a JPEG file.
+    pub(super) fn is_jpeg(&self) -> bool {
+        self.start.starts_with(&JPEG_START)
+    }
+
     /// Only the decoder of JPEG needs the file in memory.
-    fn decode(self, path: &Path, limits: &Limits) -> Result<image::DynamicImage> {
-        if self.start.starts_with(&JPEG_START) {
+    pub(super) fn decode(self, path: &Path, limits: &Limits) -> Result<image::DynamicImage> {
+        if self.is_jpeg() {
             return decode_bytes(path, &self.bytes(path, limits)?, limits);
         }
         decode_from(path, self.file, self.len, limits)
@@ -93,7 +98,7 @@ pub(super) fn decode_reduced(
 ) -> Result<(image::DynamicImage, UVec2)> {
     let io = |e| Error::io(path, e);
     let mut opened = OpenPicture::new(path, limits)?;
-    if opened.start.starts_with(&JPEG_START) {
+    if opened.is_jpeg() {
         let bytes = opened.bytes(path, limits)?;
         let full = header_size(path, Cursor::new(&bytes), bytes.len() as u64, limits)?;
         // Sides that are not multiples would end with a fraction of a pixel.
