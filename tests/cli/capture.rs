@@ -390,6 +390,29 @@ fn a_video_gives_frames_that_are_compared_in_sequence() {
     assert!(taken.windows(2).all(|pair| picture(&pair[1]) > picture(&pair[0])), "{taken:?}");
 }
 
+/// As iPhones record, here of pixels that are wider than high.
+#[test]
+fn frames_of_hdr_videos_look_like_photos() {
+    let fake = Fake::new();
+    let hdr =
+        ["-color_primaries", "bt2020", "-color_trc", "arib-std-b67", "-colorspace", "bt2020nc"];
+    let options = |more: &[&'static str]| [&["-r", "8", "-vf", "setsar=4/3"], more].concat();
+    if !fake.video("hlg.mp4", &options(&hdr)) || !fake.video("plain.mp4", &options(&[])) {
+        return;
+    }
+    let mean = |video: &str, set: &str| {
+        let said = fake.succeed(&["capture", video, "-o", set, "--frames", "8"]);
+        let photo = fake.at(set).join("images").join(&names(&fake.at(set).join("images"))[0]);
+        let photo = RgbImage::load(&photo).unwrap();
+        assert_eq!(photo.size.to_array(), [213, 120]);
+        let sum: f64 = photo.rgb.iter().flatten().map(|code| f64::from(*code)).sum();
+        (sum / (3.0 * photo.rgb.len() as f64), said)
+    };
+    let (plain, _) = mean("plain.mp4", "plain");
+    let (mapped, said) = mean("hlg.mp4", "hlg");
+    assert!((mapped - plain).abs() > 5.0 || said.contains("HDR video (HLG)"), "{mapped} {plain}");
+}
+
 fn which(program: &str) -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;
     std::env::split_paths(&path).map(|folder| folder.join(program)).find(|file| file.is_file())
@@ -516,12 +539,26 @@ fn heic_photos_are_converted_upright_with_their_focal_length() {
     let focal = format!("focal length {:.0} px", 26.0 / 43.2666 * 100.0);
     assert!(said.contains(&focal), "{said}");
 
+    // Programs that convert nothing, whatever they say of themselves; and names that lie.
+    fake.program("heif-convert", "#!/bin/sh\necho 'reads HEIC' >&2\n");
+    let python = "#!/bin/sh\necho \"No module named 'pillow_heif': ready for HEIC\" >&2\nexit 1\n";
+    ["python3", "python"].iter().for_each(|name| fake.program(name, python));
+    let start = heic(&notes, b"").len() + 1;
+    fake.program("ffmpeg", &format!("#!/bin/sh\ntail -c +{start} \"$5\" > \"${{12}}\"\n"));
+    std::fs::rename(fake.at("phone/a.HEIC"), fake.at("phone/a.JPG")).unwrap();
+    std::fs::write(fake.at("phone/e.HEIC"), &upright).unwrap();
+    let said = fake.succeed(&["capture", "phone", "-o", "renamed"]);
+    assert!(said.contains("4 photos, 1 turned upright, 3 converted"), "{said}");
+    assert_eq!(names(&fake.at("renamed/images")), ["a.jpg", "b.jpg", "c.jpg", "e.jpg"]);
+
     // Without a program, whatever else this system has.
-    std::fs::remove_file(fake.at("heif-convert")).unwrap();
+    ["heif-convert", "python3", "python", "ffmpeg"]
+        .iter()
+        .for_each(|name| std::fs::remove_file(fake.at(name)).unwrap());
     let mut command = fake.command(&["capture", "phone", "-o", "other"]);
     let said = stderr(&command.env("PATH", fake.folder()).output().unwrap());
     assert!(
-        said.contains("phone/a.HEIC") && said.contains("libheif") && said.contains("pillow-heif"),
+        said.contains("phone/a.JPG") && said.contains("libheif") && said.contains("pillow-heif"),
         "{said}"
     );
     assert!(!fake.at("other").exists(), "{said}");

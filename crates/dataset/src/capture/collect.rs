@@ -1,6 +1,7 @@
 //! The photos step: upright photos in one folder, in file formats that every pose program reads.
 
 use super::heic::{Converter, is_heic};
+use super::kind::FileKind;
 use super::log::{Log, tell};
 use super::program::CaptureOptions;
 use super::source::{CaptureSources, SourcePhoto};
@@ -13,7 +14,8 @@ use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 use trisplat_scene::atomic::{self, AtomicFolder, FolderLock, safe_name};
 use trisplat_scene::image::RgbImage;
-use trisplat_scene::report::{StageEvent, StageObserver};
+use trisplat_scene::math::lists::median;
+use trisplat_scene::report::{StageEvent, StageObserver, counted};
 use trisplat_scene::{Error, Limits, Result, input, parallel};
 
 /// Folder of the logs, the database and the models, below that of a capture.
@@ -181,13 +183,12 @@ pub(super) fn collect(
     (folder, options, skip_broken): (&Path, &CaptureOptions, bool),
     details: &mut PhotosDetails,
     observer: StageObserver<'_>,
-) -> Result<(TakenPhotos, Option<String>)> {
+) -> Result<(TakenPhotos, Vec<String>)> {
     let made = AtomicFolder::create(folder)?;
     let mut opened = Vec::new();
     let mut broken = Vec::new();
-    let heic = sources.photos.iter().find(|photo| is_heic(&photo.path));
-    let converter =
-        heic.map(|photo| Converter::find(options, &photo.path, made.path())).transpose()?;
+    let heic = sources.photos.iter().map(|photo| photo.path.as_path()).filter(|path| is_heic(path));
+    let converter = Converter::find(options, &heic.collect::<Vec<_>>(), made.path())?;
     let open =
         |photo: &SourcePhoto| Ok(open(photo, converter.as_ref()).map_err(|e| e.about(&photo.path)));
     let read = in_chunks(&sources.photos, observer, "reading photos", open)?;
@@ -197,7 +198,8 @@ pub(super) fn collect(
             Err(error) => broken.push((source, error)),
         }
     }
-    let left_out = left_out(&broken, sources, skip_broken)?;
+    let mut warnings = Vec::from_iter(left_out(&broken, sources, skip_broken)?);
+    warnings.extend(leave_out_small(&mut opened));
     let groups: BTreeSet<String> = opened.iter().map(OpenedPhoto::group).collect();
     let by_folder = groups.len() + sources.videos.len() > 1;
 
@@ -207,10 +209,20 @@ pub(super) fn collect(
         let log = &mut Log::open(&made.place(format!("{WORK}/ffmpeg.log"))?)?;
         let below = if by_folder { video_folder(video, &photos, &groups) } else { String::new() };
         let folder = made.place(Path::new("images").join(&below))?;
-        let (names, frames) = ffmpeg.take(video, &folder, options.frames, log, observer)?;
-        details.video_frames += frames;
-        details.frames += names.len() as u64;
-        photos.extend(names.into_iter().map(|name| TakenPhoto {
+        let frames = ffmpeg.take(video, &folder, options.frames, log, observer)?;
+        if frames.names.is_empty() {
+            let reason = "shows one place only: the camera does not move";
+            if opened.len() + sources.videos.len() == 1 {
+                let reason = format!("{reason}; walk around what is to be captured");
+                return Err(Error::unsupported(video, reason));
+            }
+            warnings.push(format!("{} {reason}, and it is left out", video.display()));
+            continue;
+        }
+        warnings.extend(frames.warning);
+        details.video_frames += frames.total;
+        details.frames += frames.names.len() as u64;
+        photos.extend(frames.names.into_iter().map(|name| TakenPhoto {
             name: if below.is_empty() { name } else { format!("{below}/{name}") },
             source: video.display().to_string(),
             frame: true,
@@ -238,7 +250,25 @@ pub(super) fn collect(
     std::fs::write(&list, text).map_err(|e| Error::io(&list, e))?;
     drop(converter);
     made.publish(WORK)?;
-    Ok((taken, left_out))
+    Ok((taken, warnings))
+}
+
+/// Largest longer side of a small copy, px.
+const MAX_SMALL: u32 = 640;
+/// Photos are at least this many times as large as small copies of them.
+const SMALL_FACTOR: u32 = 4;
+
+/// Leaves out small copies among large photos, as thumbnails and covers are; says so.
+fn leave_out_small(photos: &mut Vec<OpenedPhoto>) -> Option<String> {
+    let side = |photo: &OpenedPhoto| photo.size.max_element();
+    let usual = median(photos.iter().map(side).collect(), u32::cmp)?;
+    let is_small =
+        |photo: &OpenedPhoto| side(photo) <= MAX_SMALL && SMALL_FACTOR * side(photo) <= usual;
+    let first = photos.iter().find(|photo| is_small(photo))?.source.path.display().to_string();
+    let before = photos.len();
+    photos.retain(|photo| !is_small(photo));
+    let count = counted((before - photos.len()) as u64, "small picture");
+    Some(format!("{count} among photos of {usual} px left out, first {first}"))
 }
 
 /// The warning about `broken` photos, if they are to be skipped and others are left.
@@ -290,8 +320,7 @@ fn open(photo: &SourcePhoto, converter: Option<&Converter>) -> Result<OpenedPhot
     let mut file = photo.path.clone();
     if let Some(converter) = converter {
         file = converter.convert(&photo.path)?;
-        let stem = photo.name.rsplit_once('.').map_or(photo.name.as_str(), |(stem, _)| stem);
-        source.name = format!("{stem}.jpg");
+        source.name = with_ending(&photo.name, "jpg");
     }
     let size = RgbImage::size_of(&file, limits)?;
     let bytes = input::read(&file, limits)?;
@@ -301,6 +330,9 @@ fn open(photo: &SourcePhoto, converter: Option<&Converter>) -> Result<OpenedPhot
         converter.check(&photo.path, original.sensor, size)?;
         notes = original.of_copy(notes.orientation, size);
     }
+    if converter.is_none() && FileKind::of_name(&source.path) == FileKind::Heic {
+        source.name = with_ending(&photo.name, if is_jpeg(&bytes) { "jpg" } else { "png" });
+    }
     let change = match (notes.orientation, is_plain(&bytes)) {
         (1, true) if converter.is_some() => PhotoChange::Noted,
         (1, true) => PhotoChange::Copied,
@@ -309,6 +341,11 @@ fn open(photo: &SourcePhoto, converter: Option<&Converter>) -> Result<OpenedPhot
     };
     let size = if notes.orientation >= 5 { UVec2::new(size.y, size.x) } else { size };
     Ok(OpenedPhoto { source, file, notes, size, change, is_jpeg: is_jpeg(&bytes) })
+}
+
+fn with_ending(name: &str, ending: &str) -> String {
+    let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+    format!("{stem}.{ending}")
 }
 
 fn is_jpeg(bytes: &[u8]) -> bool {
@@ -447,6 +484,29 @@ mod tests {
     }
 
     #[test]
+    fn small_copies_among_large_photos_are_left_out() {
+        let photo = |side: u32| OpenedPhoto {
+            source: SourcePhoto { path: PathBuf::from(format!("{side}.jpg")), name: String::new() },
+            file: PathBuf::new(),
+            notes: PhotoNotes::default(),
+            size: UVec2::new(side / 2, side),
+            change: PhotoChange::Copied,
+            is_jpeg: true,
+        };
+        let mut photos = [4000, 160, 3000, 1000, 4000, 640].map(photo).into();
+        let warning = leave_out_small(&mut photos).unwrap();
+        assert!(
+            warning.contains("2 small pictures among photos of") && warning.contains("160.jpg")
+        );
+        assert_eq!(photos.len(), 4);
+        assert_eq!(
+            leave_out_small(&mut [640, 700, 160].map(photo).into()),
+            Some("1 small picture among photos of 640 px left out, first 160.jpg".into())
+        );
+        assert_eq!(leave_out_small(&mut [640, 600, 200].map(photo).into()), None);
+    }
+
+    #[test]
     fn a_broken_photo_is_left_out_if_that_is_wanted() {
         let folder = tempfile::tempdir().unwrap();
         let photos = folder.path().join("photos");
@@ -475,10 +535,7 @@ mod tests {
         );
         let (taken, warning) = taken(true).unwrap();
         assert_eq!((taken.photos.len(), taken.photos[0].name.as_str()), (1, "a.jpg"));
-        assert!(
-            warning
-                .is_some_and(|warning| warning.contains("2 of 3 photos are broken and left out"))
-        );
+        assert!(warning[0].contains("2 of 3 photos are broken and left out"), "{warning:?}");
     }
 
     #[test]

@@ -1,43 +1,42 @@
 //! HEIC, as iPhones take photos, and AVIF: an installed program makes JPEG files of them.
 
-use super::log::{program, said};
+use super::kind::FileKind;
+use super::log::program;
 use super::program::{CaptureOptions, python_script, pythons};
 use super::video::FFMPEG;
+use crate::exif::PhotoNotes;
 use glam::UVec2;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use tempfile::TempDir;
+use trisplat_scene::image::RgbImage;
 use trisplat_scene::process::Running;
-use trisplat_scene::{Error, Result, input};
+use trisplat_scene::{Error, Limits, Result, input};
 
-const ENDINGS: [&str; 4] = ["heic", "heif", "hif", "avif"];
-
-/// First question to a program, a part of its answer, and the arguments of a conversion.
-type Way = [&'static str; 3];
-/// Programs in the order in which they are tried; Pythons come before the last.
-const WAYS: [(&str, Way); 6] = [
-    ("heif-convert", ["", "", "-q 97 IN OUT"]),
-    ("heif-dec", ["", "", "-q 97 IN OUT"]),
-    ("sips", ["--help", "sips", "-s format jpeg -s formatOptions 97 IN --out OUT"]),
-    ("magick", ["-version", "heic", "IN -quality 97 OUT"]),
-    ("convert", ["-version", "heic", "IN -quality 97 OUT"]),
+/// Programs in the order in which they are tried, and the arguments of a conversion; Pythons come
+/// before the last.
+const WAYS: [(&str, &str); 6] = [
+    ("heif-convert", "-q 97 IN OUT"),
+    ("heif-dec", "-q 97 IN OUT"),
+    ("sips", "-s format jpeg -s formatOptions 97 IN --out OUT"),
+    ("magick", "IN -quality 97 OUT"),
+    ("convert", "IN -quality 97 OUT"),
     // Older ones read a tile of a photo in place of all.
-    (FFMPEG, ["-version", FFMPEG, "-v error -i IN -frames:v 1 -update 1 -q:v 2 OUT"]),
+    (FFMPEG, "-nostdin -v error -i IN -frames:v 1 -update 1 -q:v 2 OUT"),
 ];
-const PYTHON: Way = ["-c SCRIPT", "ready for HEIC", "-c SCRIPT IN OUT"];
+const PYTHON: &str = "-c SCRIPT IN OUT";
 const SCRIPT: &str = "import sys, pillow_heif
 from PIL import Image
 pillow_heif.register_heif_opener()
-if sys.argv[1:]:
-    Image.open(sys.argv[1]).convert('RGB').save(sys.argv[2], quality=97)
-print('ready for HEIC')";
+Image.open(sys.argv[1]).convert('RGB').save(sys.argv[2], quality=97)";
+/// Photos that are tried, should the first be broken.
+const TRIED: usize = 3;
 
-/// True for a photo name that needs another program.
+/// True for a photo that needs another program.
 pub(super) fn is_heic(path: &Path) -> bool {
-    let ending = path.extension().unwrap_or_default();
-    ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known))
+    FileKind::of(path) == FileKind::Heic
 }
 
 /// An installed program that reads them.
@@ -51,29 +50,49 @@ pub(super) struct Converter {
 }
 
 impl Converter {
-    /// The first that is installed, with a folder for its files in `folder`. `photo` is named in
-    /// the error.
+    /// The first that converts one of `photos`, with a folder for its files in `folder`.
     ///
     /// # Errors
     ///
-    /// None is.
-    pub(super) fn find(options: &CaptureOptions, photo: &Path, folder: &Path) -> Result<Self> {
-        let mut ways: Vec<(PathBuf, Way)> = WAYS.map(|(program, way)| (program.into(), way)).into();
+    /// None does.
+    pub(super) fn find(
+        options: &CaptureOptions,
+        photos: &[&Path],
+        folder: &Path,
+    ) -> Result<Option<Self>> {
+        let Some(first) = photos.first() else { return Ok(None) };
+        let mut ways: Vec<(PathBuf, &str)> = WAYS.map(|(name, words)| (name.into(), words)).into();
         let last = ways.len() - 1;
         ways.splice(last..last, pythons(options).into_iter().map(|python| (python, PYTHON)));
-        let is_there = |(program, [probe, answer, _]): &(PathBuf, Way)| {
-            let answered = said(self::program(program).args(filled(probe, ["", ""])));
-            answered.is_some_and(|text| text.contains(answer))
-        };
-        let Some((program, [.., words])) = ways.into_iter().find(is_there) else {
-            let reason = "is a HEIC or AVIF photo, and no program that reads them is installed: `sudo apt install libheif-examples` (Debian, \
-                          Ubuntu), `brew install libheif` (macOS, whose own `sips` reads them too), `winget install ImageMagick.ImageMagick` \
-                          (Windows), `pip install pillow-heif` (any system with Python). An iPhone takes JPEG with Settings > Camera > \
-                          Formats > Most Compatible";
-            return Err(Error::unsupported(photo, reason));
-        };
-        let folder = tempfile::tempdir_in(folder).map_err(Error::temporary)?;
-        Ok(Self { program, words, folder, made: AtomicUsize::new(0) })
+        let mut failures = Vec::new();
+        for (program, words) in ways {
+            let folder = tempfile::tempdir_in(folder).map_err(Error::temporary)?;
+            let converter = Self { program, words, folder, made: AtomicUsize::new(0) };
+            for photo in photos.iter().take(TRIED) {
+                match converter.try_on(photo) {
+                    Ok(()) => return Ok(Some(converter)),
+                    // The program is not there.
+                    Err(Error::Io { path, .. }) if path == converter.program => break,
+                    Err(error) => failures.push(error),
+                }
+            }
+        }
+        let failed = failures.first().map_or(String::new(), |error| format!(" (as {error})"));
+        let reason = format!(
+            "is a HEIC or AVIF photo, and no program that reads it is installed{failed}: `sudo apt install libheif-examples` \
+             (Debian, Ubuntu), `brew install libheif` (macOS, whose own `sips` reads them too), `winget install \
+             ImageMagick.ImageMagick` (Windows), `pip install pillow-heif` (any system with Python). An iPhone takes JPEG with \
+             Settings > Camera > Formats > Most Compatible"
+        );
+        Err(Error::unsupported(first, reason))
+    }
+
+    /// Converts `photo` as a trial.
+    fn try_on(&self, photo: &Path) -> Result<()> {
+        let converted = self.convert(photo)?;
+        let size = RgbImage::size_of(&converted, &Limits::DEFAULT)?;
+        let notes = PhotoNotes::of(&input::read(photo, &Limits::DEFAULT)?);
+        self.check(photo, notes.sensor, size)
     }
 
     /// A JPEG file of `photo`.
@@ -84,9 +103,9 @@ impl Converter {
     pub(super) fn convert(&self, photo: &Path) -> Result<PathBuf> {
         let number = self.made.fetch_add(1, Ordering::Relaxed);
         let at = |ending: &str| self.folder.path().join(format!("{number}.{ending}"));
-        // Under a name that no program takes for an option, a pattern or a protocol.
-        let ending = photo.extension().unwrap_or_default().to_string_lossy();
-        let from = at(&ending);
+        // Under a name that no program takes for an option, a pattern, a protocol or another kind.
+        let ending = "heic";
+        let from = at(ending);
         let to = at("jpg");
         let log = at("log");
         input::copy(photo, &from)?;

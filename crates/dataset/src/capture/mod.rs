@@ -3,6 +3,7 @@
 
 mod collect;
 mod heic;
+mod kind;
 mod log;
 mod poses;
 mod program;

@@ -135,8 +135,8 @@ impl CaptureRun<'_> {
                 return Ok((before, Some(DONE)));
             }
             let how = (job.folder.as_path(), &job.options, job.skip_broken);
-            let (taken, left_out) = collect::collect(sources, inputs, how, details, run.observer)?;
-            run.report.warnings.extend(left_out);
+            let (taken, warnings) = collect::collect(sources, inputs, how, details, run.observer)?;
+            run.report.warnings.extend(warnings);
             Ok((taken, None))
         })
     }

@@ -1,21 +1,30 @@
-//! Inputs of a capture: photos and videos, given as files or folders, recognised by extension.
+//! Inputs of a capture: photos and videos, given as files or folders, without what phones, cameras
+//! and programs put beside them.
 
-use super::heic::is_heic;
-use std::collections::BTreeSet;
+use super::kind::{FileKind, video_seconds};
+use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 use trisplat_scene::atomic::safe_name;
 use trisplat_scene::input::{self, files_below};
+use trisplat_scene::report::counted;
 use trisplat_scene::{Error, Limits, Result};
 
-const PHOTOS: [&str; 7] = ["jpg", "jpeg", "jpe", "png", "webp", "tif", "tiff"];
-const VIDEOS: [&str; 9] = ["mp4", "mov", "m4v", "mkv", "webm", "avi", "mpg", "mts", "3gp"];
-const RAW: [&str; 9] = ["dng", "cr2", "cr3", "nef", "arw", "raf", "orf", "rw2", "pef"];
+/// Folders of small copies of photos, and of pictures of another kind that belong to them.
+const COMPANIONS: [&str; 8] =
+    ["thumbs", "thumbnails", "mask", "masks", "depth", "depths", "confidence", "__macosx"];
+/// Longest clip of a Live Photo, seconds: phones record three.
+const MAX_CLIP_SECONDS: f64 = 4.0;
+/// Fewer photos are no capture, but covers of videos.
+const MIN_PHOTOS: usize = 3;
 
 /// Photos and videos, sorted by name.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct CaptureSources {
     pub(super) photos: Vec<SourcePhoto>,
     pub(super) videos: Vec<PathBuf>,
+    raws: Vec<PathBuf>,
+    /// Photos in folders of small copies.
+    copies: Vec<PathBuf>,
     /// Ignored files, and why.
     pub(super) warnings: Vec<String>,
     /// Full paths of the files and folders so far, without links: each is taken once.
@@ -30,14 +39,6 @@ pub(super) struct SourcePhoto {
     pub(super) path: PathBuf,
     /// Its path relative to the given folder, as a relative path that is safe to write.
     pub(super) name: String,
-}
-
-enum SourceKind {
-    Photo,
-    Video,
-    /// An unsupported photo, with the remedy.
-    Foreign(&'static str),
-    Other,
 }
 
 impl CaptureSources {
@@ -69,6 +70,7 @@ impl CaptureSources {
                 }
             }
         }
+        found.leave_out_companions()?;
         if found.photos.is_empty() && found.videos.is_empty() {
             let input = inputs.first().map_or(Path::new(""), PathBuf::as_path);
             let reason = "holds no photo and no video; give a folder of JPEG, HEIC, PNG, WebP or TIFF files, or a video";
@@ -137,7 +139,11 @@ impl CaptureSources {
         for path in paths {
             let name = file_name(&path);
             // Hidden files and folders of systems and programs.
-            if name.starts_with('.') || name == "__MACOSX" {
+            if name.starts_with('.') {
+                continue;
+            }
+            if is_companion_folder(&name) && path.is_dir() {
+                self.copies.extend(camera_files(&path));
                 continue;
             }
             let name = safe_name(&name);
@@ -153,14 +159,56 @@ impl CaptureSources {
 
     /// False for a file that is neither photo nor video.
     fn add(&mut self, path: &Path, name: String) -> Result<bool> {
-        match kind(path) {
-            SourceKind::Photo | SourceKind::Video if !self.take(path)? => {}
-            SourceKind::Photo => self.photos.push(SourcePhoto { path: path.to_owned(), name }),
-            SourceKind::Video => self.videos.push(path.to_owned()),
-            SourceKind::Foreign(remedy) => return Err(Error::unsupported(path, remedy)),
-            SourceKind::Other => return Ok(false),
+        match FileKind::of(path) {
+            FileKind::Other => return Ok(false),
+            _ if !self.take(path)? => {}
+            FileKind::Photo | FileKind::Heic => {
+                self.photos.push(SourcePhoto { path: path.to_owned(), name });
+            }
+            FileKind::Video => self.videos.push(path.to_owned()),
+            FileKind::Raw => self.raws.push(path.to_owned()),
         }
         Ok(true)
+    }
+
+    /// Leaves out what belongs to photos: the clips of Live Photos, raw files and small copies; and
+    /// covers of videos.
+    ///
+    /// # Errors
+    ///
+    /// A raw photo that is not there in another format.
+    fn leave_out_companions(&mut self) -> Result<()> {
+        let names: HashSet<String> = self.photos.iter().map(|photo| stem_of(&photo.path)).collect();
+        let is_beside = |path: &Path| names.contains(&stem_of(path));
+        let is_clip = |path: &PathBuf| {
+            names.len() >= MIN_PHOTOS
+                && is_beside(path)
+                && video_seconds(path).is_some_and(|seconds| seconds <= MAX_CLIP_SECONDS)
+        };
+        let (clips, videos): (Vec<_>, Vec<_>) =
+            std::mem::take(&mut self.videos).into_iter().partition(is_clip);
+        self.videos = videos;
+        let videos: HashSet<String> = self.videos.iter().map(|path| stem_of(path)).collect();
+        let is_cover = |photo: &SourcePhoto| videos.contains(&stem_of(&photo.path));
+        let (covers, photos): (Vec<_>, Vec<_>) =
+            std::mem::take(&mut self.photos).into_iter().partition(is_cover);
+        self.photos = photos;
+        let covers: Vec<PathBuf> = covers.into_iter().map(|photo| photo.path).collect();
+        // Cameras may write both kinds into folders of their own.
+        let stem = |path: &Path| stem_of(Path::new(path.file_name().unwrap_or_default()));
+        let stems: HashSet<String> = self.photos.iter().map(|photo| stem(&photo.path)).collect();
+        if let Some(alone) = self.raws.iter().find(|raw| !stems.contains(&stem(raw))) {
+            let reason = "is a raw photo, which is not read; export JPEG or 16-bit TIFF files with one white balance for all";
+            return Err(Error::unsupported(alone, reason));
+        }
+        let lines = [
+            left_out(&clips, "clip", "of photos of the same name"),
+            left_out(&covers, "cover", "of videos of the same name"),
+            left_out(&self.raws, "raw file", "of photos of the same name"),
+            left_out(&self.copies, "picture", "in folders of small copies, masks or depths"),
+        ];
+        self.warnings.extend(lines.into_iter().flatten());
+        Ok(())
     }
 }
 
@@ -178,23 +226,24 @@ pub fn camera_files(input: &Path) -> Vec<PathBuf> {
 
 /// True for a file name that ends like that of a photo or a video.
 pub fn is_camera_file(path: &Path) -> bool {
-    !matches!(kind(path), SourceKind::Other)
+    FileKind::of_name(path) != FileKind::Other
 }
 
-fn kind(path: &Path) -> SourceKind {
-    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    let is = |list: &[&str]| list.contains(&ending.as_str());
-    if is(&PHOTOS) || is_heic(path) {
-        SourceKind::Photo
-    } else if is(&VIDEOS) {
-        SourceKind::Video
-    } else if is(&RAW) {
-        SourceKind::Foreign(
-            "is a raw photo, which is not read; export JPEG or 16-bit TIFF files with one white balance for all",
-        )
-    } else {
-        SourceKind::Other
-    }
+/// True for a folder of small copies of photos, or of pictures that belong to them.
+fn is_companion_folder(name: &str) -> bool {
+    // Folders of network drives: @eaDir, #recycle, $RECYCLE.BIN.
+    name.starts_with(['@', '#', '$']) || COMPANIONS.contains(&name.to_lowercase().as_str())
+}
+
+/// A path without its extension, in lower case.
+fn stem_of(path: &Path) -> String {
+    path.with_extension("").to_string_lossy().to_lowercase()
+}
+
+/// The line about files that are left out; `None` without any.
+fn left_out(files: &[PathBuf], noun: &str, what: &str) -> Option<String> {
+    let count = counted(files.len() as u64, noun);
+    Some(format!("{count} {what} left out, first {}", files.first()?.display()))
 }
 
 #[cfg(test)]
@@ -229,6 +278,77 @@ mod tests {
                 .to_string()
                 .contains("holds no photo")
         );
+    }
+
+    /// A MOV file that lasts as long.
+    fn movie(seconds: u32) -> Vec<u8> {
+        let part = |name: &[u8; 4], content: &[u8]| {
+            [&(8 + content.len() as u32).to_be_bytes()[..], name, content].concat()
+        };
+        let times = [0, 0, 600, 600 * seconds].map(u32::to_be_bytes).concat();
+        let header = part(b"mvhd", &[&[0; 4], &times[..], &[0; 80]].concat());
+        [part(b"ftyp", b"qt  \0\0\0\0"), part(b"mdat", &[7; 99]), part(b"moov", &header)].concat()
+    }
+
+    #[test]
+    fn companions_of_photos_and_videos_are_left_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let write = |name: &str, bytes: &[u8]| {
+            std::fs::create_dir_all(at(name).parent().unwrap()).unwrap();
+            std::fs::write(at(name), bytes).unwrap();
+        };
+        for i in 0..4 {
+            write(&format!("in/IMG_{i}.JPG"), b"");
+            write(&format!("in/img_{i}.mov"), &movie(3));
+            write(&format!("in/RAW/IMG_{i}.DNG"), b"");
+            write(&format!("in/@eaDir/IMG_{i}.JPG/SYNOPHOTO_THUMB_M.jpg"), b"");
+        }
+        write("in/IMG_9.MOV", &movie(2));
+        write("in/walk.MP4", &movie(60));
+        write("in/walk.jpg", b"");
+        write("in/Thumbs/IMG_0.jpg", b"");
+        let found = CaptureSources::find(&[at("in")]).unwrap();
+        assert_eq!(found.photos.len(), 4, "{:?}", found.photos);
+        assert_eq!(found.videos, [at("in/IMG_9.MOV"), at("in/walk.MP4")]);
+        let lines = ["4 clips", "1 cover of videos", "4 raw files", "5 pictures in folders"];
+        for (line, warning) in lines.iter().zip(&found.warnings) {
+            assert!(warning.starts_with(line) && warning.contains("first"), "{warning}");
+        }
+        assert_eq!(found.warnings.len(), lines.len(), "{:?}", found.warnings);
+        // A video is not the clip of its cover.
+        write("one/scan.mov", &movie(3));
+        write("one/scan.jpg", b"");
+        let found = CaptureSources::find(&[at("one")]).unwrap();
+        assert_eq!((found.photos.len(), found.videos.len()), (0, 1));
+        write("in/RAW/IMG_7.DNG", b"");
+        let error = CaptureSources::find(&[at("in")]).unwrap_err().to_string();
+        assert!(error.contains("IMG_7.DNG: is a raw photo"), "{error}");
+    }
+
+    #[test]
+    fn first_bytes_decide_the_kind_of_a_camera_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let heic = b"\0\0\0\x18ftypheic\0\0\0\0";
+        let jpeg = b"\xff\xd8\xff\xe0\0\x10JFIF\0\x01\x02";
+        for (name, bytes, kind) in [
+            ("a.JPG", &heic[..], FileKind::Heic),
+            ("b.heic", jpeg, FileKind::Photo),
+            ("c.png", b"\0\0\0\x18ftypavif\0\0\0\0", FileKind::Heic),
+            ("d.jpg", &movie(1), FileKind::Video),
+            ("e.mov", heic, FileKind::Heic),
+            ("f.HEIC", b"", FileKind::Heic),
+            ("g.mp4", b"?", FileKind::Video),
+            ("h.nef", jpeg, FileKind::Raw),
+            ("i.txt", jpeg, FileKind::Other),
+        ] {
+            std::fs::write(path(name), bytes).unwrap();
+            assert_eq!(FileKind::of(&path(name)), kind, "{name}");
+        }
+        std::fs::write(path("long.mov"), movie(125)).unwrap();
+        assert_eq!(video_seconds(&path("long.mov")), Some(125.0));
+        assert_eq!(video_seconds(&path("a.JPG")), None);
     }
 
     #[cfg(unix)]

@@ -15,6 +15,59 @@ pub(super) const FFMPEG: &str = "ffmpeg";
 /// Longer side of analysed frames, px: a blur of a few video pixels is still visible.
 const WATCHED_SIDE: u32 = 640;
 
+/// Frames that were taken from a video.
+#[derive(Debug, Default)]
+pub(super) struct TakenFrames {
+    /// In order of time.
+    pub(super) names: Vec<String>,
+    /// Number of frames of the video.
+    pub(super) total: u64,
+    pub(super) warning: Option<String>,
+}
+
+/// Transfer functions of HDR videos, as ffmpeg names them, and their usual names.
+const HDR: [(&str, &str); 2] = [("arib-std-b67", "HLG"), ("smpte2084", "PQ")];
+/// From HDR to the colours of photos: white is at 203 cd/m² (ITU-R BT.2408), and only what is
+/// brighter than four fifths of it is compressed.
+const TONE_MAP: &str = "zscale=t=linear:npl=203,format=gbrpf32le,zscale=p=bt709,tonemap=tonemap=mobius:param=0.8:desat=0,\
+     zscale=t=bt709:m=bt709:r=tv,format=yuv420p";
+/// To square pixels, of which no side has fewer.
+const SQUARE: &str =
+    "scale='if(gt(sar,1),round(iw*sar),iw)':'if(gt(sar,1),ih,round(ih/sar))',setsar=1";
+
+/// Filters that make frames of `video` what photos are, and a warning where this ffmpeg has none.
+fn as_photos(video: &Path) -> Result<(Vec<&'static str>, Option<String>)> {
+    let ask = |command: &mut Command| said(command).unwrap_or_default();
+    let mut about = program(FFMPEG.as_ref());
+    let about = ask(about.args(["-nostdin", "-hide_banner", "-i"]).arg(full_path(video)?));
+    let stream = about.lines().find(|line| line.contains("Video:")).unwrap_or_default();
+    let mut filters = Vec::new();
+    let mut warning = None;
+    if let Some((_, name)) = HDR.iter().find(|(transfer, _)| stream.contains(transfer)) {
+        let has = ask(program(FFMPEG.as_ref()).args(["-hide_banner", "-filters"]));
+        if has.contains(" zscale ") && has.contains(" tonemap ") {
+            filters.push(TONE_MAP);
+        } else {
+            warning = Some(format!(
+                "{} is an HDR video ({name}), and this ffmpeg cannot convert its colours, which stay pale: install one with \
+                 zscale, or record without HDR",
+                video.display()
+            ));
+        }
+    }
+    if !has_square_pixels(stream) {
+        filters.push(SQUARE);
+    }
+    Ok((filters, warning))
+}
+
+/// True unless ffmpeg's line about a stream names another shape of pixels, as in "SAR 4:3".
+fn has_square_pixels(stream: &str) -> bool {
+    let shape = stream.split_once("SAR ").and_then(|(_, rest)| rest.split_once(' '));
+    let sides = shape.and_then(|(sides, _)| sides.split_once(':'));
+    sides.is_none_or(|(width, height)| width == height || [width, height].contains(&"0"))
+}
+
 /// An installed ffmpeg.
 #[derive(Debug)]
 pub(super) struct Ffmpeg {
@@ -41,8 +94,8 @@ impl Ffmpeg {
         Ok(Self { passthrough })
     }
 
-    /// Writes the chosen frames of `video`, at most `most`, into `folder`. Returns their names and
-    /// the video's frame count.
+    /// Writes the chosen frames of `video`, at most `most`, into `folder`; none of a camera that
+    /// does not move.
     pub(super) fn take(
         &self,
         video: &Path,
@@ -50,19 +103,21 @@ impl Ffmpeg {
         most: u32,
         log: &mut Log,
         observer: StageObserver<'_>,
-    ) -> Result<(Vec<String>, u64)> {
+    ) -> Result<TakenFrames> {
         let frames = self.watch(video, log, observer)?.frames;
         let chosen = choose(&frames, most);
         if chosen.len() < 2 {
-            let reason = "shows one place only: the camera does not move; walk around what is to be captured";
-            return Err(Error::unsupported(video, reason));
+            return Ok(TakenFrames::default());
         }
         let taken = format!("{} of {} frames are taken", chosen.len(), frames.len());
         tell(observer, StageEvent::Noted(&taken))?;
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         let select: Vec<String> = chosen.iter().map(|i| format!("eq(n,{i})")).collect();
+        let (changes, warning) = as_photos(video)?;
+        let mut filters = vec![format!("select='{}'", select.join("+"))];
+        filters.extend(changes.into_iter().map(str::to_owned));
         let mut command = self.command(video)?;
-        command.args(["-vf", &format!("select='{}'", select.join("+"))]).args(self.passthrough);
+        command.args(["-vf", &filters.join(",")]).args(self.passthrough);
         // A plain name: ffmpeg takes % in any part of it for a number, and a colon for a protocol.
         command.args(["-q:v", "2", "-f", "image2", "taken_%06d.jpg"]).current_dir(folder);
         log.run_well(&mut command, observer, |_, _| Ok(()))?;
@@ -73,7 +128,7 @@ impl Ffmpeg {
             std::fs::rename(&from, folder.join(&name)).map_err(|e| Error::io(&from, e))?;
             names.push(name);
         }
-        Ok((names, frames.len() as u64))
+        Ok(TakenFrames { names, total: frames.len() as u64, warning })
     }
 
     /// Measures every frame.
@@ -373,6 +428,21 @@ mod tests {
         assert_eq!(version("ffmpeg version 5.1.9-0+deb12u1 Copyright"), Some((5, 1)));
         assert_eq!(version("ffmpeg version n4.4 Copyright"), Some((4, 4)));
         assert_eq!(version("ffmpeg version N-109542-g2ee5"), None);
+    }
+
+    #[test]
+    fn pixels_of_another_shape_are_told_from_square_ones() {
+        let stream =
+            |shape: &str| format!("Stream #0:0: Video: h264, yuv420p(tv), 720x576{shape}, 25 fps");
+        for (shape, is_square) in [
+            ("", true),
+            (" [SAR 1:1 DAR 5:4]", true),
+            (" [SAR 0:1 DAR 0:1]", true),
+            (" [SAR 64:45 DAR 16:9]", false),
+            (", SAR 8:9 DAR 4:3", false),
+        ] {
+            assert_eq!(has_square_pixels(&stream(shape)), is_square, "{shape}");
+        }
     }
 
     #[test]
