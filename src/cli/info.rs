@@ -20,8 +20,8 @@ const LISTED: usize = 5;
 #[derive(Debug, clap::Args)]
 pub struct InfoArgs {
     /// Soup, mesh or Gaussian splats to describe: .ply, .pt, .off, .obj, .glb, .gltf, .splat, .spz
-    /// or .sog; "-" is standard input. Or a data set: a folder of posed photos, or a
-    /// transforms.json.
+    /// or .sog; "-" is standard input. Or a data set: a folder of posed photos, or its list of
+    /// poses, as a transforms.json.
     #[arg(value_name = "FILE")]
     pub input: PathBuf,
     /// Print JSON (`trisplat schema info` describes it).
@@ -62,10 +62,9 @@ pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
     printed.map_err(|e| Error::io("-", e))
 }
 
-/// True for a data set: a folder or a transforms.json, other than an unzipped SOG.
+/// True for a data set: a folder or a list of poses, other than an unzipped SOG.
 pub fn is_dataset(path: &Path) -> bool {
-    let is_list = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
-    (path.is_dir() || is_list) && unzipped_sog(path).is_none()
+    (path.is_dir() || Dataset::is_list(path)) && unzipped_sog(path).is_none()
 }
 
 /// The training in a checkpoint of this program.

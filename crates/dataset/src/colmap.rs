@@ -59,6 +59,29 @@ fn models_in(folder: &Path) -> Vec<ModelFiles> {
     if found.is_empty() { model(folder.to_owned()).into_iter().collect() } else { found }
 }
 
+/// Says what a model lacks whose files are only in part there.
+pub(super) fn incomplete(root: &Path) -> Option<String> {
+    let places = ["sparse", "colmap/sparse", ""].map(|place| root.join(place));
+    let folders = places.iter().flat_map(|place| [numbered(place), vec![place.clone()]]).flatten();
+    folders.into_iter().find_map(|folder| {
+        let names = |extension: &str| {
+            ["cameras", "images", "points3D"].map(|name| format!("{name}.{extension}"))
+        };
+        let has = |name: &String| folder.join(name).is_file();
+        let [binary, text] = ["bin", "txt"].map(names);
+        let there: Vec<String> = binary.iter().chain(&text).filter(|n| has(n)).cloned().collect();
+        // Names of the kind that is there.
+        let kind = if binary.iter().any(has) { binary } else { text };
+        let missing = kind[..2].iter().find(|name| !has(name)).filter(|_| !there.is_empty())?;
+        Some(format!(
+            "holds a COLMAP model without {missing}: {} has only {}; copy all of the model's files, or export them again with \
+             `colmap model_converter`",
+            folder.display(),
+            there.join(", ")
+        ))
+    })
+}
+
 /// The paths in `folder` whose names are numbers, in the order of these.
 pub(super) fn numbered(folder: &Path) -> Vec<PathBuf> {
     let number = |path: PathBuf| Some((path.file_name()?.to_str()?.parse::<u32>().ok()?, path));
@@ -94,7 +117,7 @@ pub(super) fn read(
     }
     leave_out_loose(&mut model, &mut warnings);
     warnings.extend(fell_apart(root, files));
-    let (root, folder) = photo_folders(root, &model.images[0].name, options)?;
+    let (root, folder) = photo_folders(root, &list, &model.images[0].name, options)?;
     let mut named = NamedFiles::new(&list, &folder, options);
     let numbers: HashMap<u64, u32> = points.iter().map(|point| point.id).zip(0..).collect();
     let photos = model.images.iter().map(|image| photo(image, &model, &numbers, &mut named));
@@ -106,6 +129,7 @@ pub(super) fn read(
         root,
         list,
         photos,
+        broken: Vec::new(),
         warnings,
     })
 }
@@ -170,13 +194,19 @@ fn leave_out_loose(model: &mut ColmapModel, warnings: &mut Vec<String>) {
 }
 
 /// The folder of masks and lists, and that of the photos: below the data set, or a parent when the
-/// model's own folder was given; or the model's own folder, where the photo `name` lies beside the
-/// model.
-fn photo_folders(root: &Path, name: &str, options: &DatasetOptions) -> Result<(PathBuf, PathBuf)> {
+/// model's own folder was given; or the data set's own folder, where the photo `name` lies in it or
+/// in another one below.
+fn photo_folders(
+    root: &Path,
+    list: &Path,
+    name: &str,
+    options: &DatasetOptions,
+) -> Result<(PathBuf, PathBuf)> {
     if let Some(folder) = with_photos(root, &options.images) {
         return Ok((folder.to_owned(), folder.join(&options.images)));
     }
-    if root.join(name.replace('\\', "/")).is_file() {
+    let elsewhere = || NamedFiles::new(list, root, options).find("photos", name);
+    if root.join(name.replace('\\', "/")).is_file() || elsewhere()?.is_file() {
         return Ok((root.to_owned(), root.to_owned()));
     }
     Err(Error::unsupported(

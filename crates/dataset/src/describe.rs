@@ -10,7 +10,8 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use trisplat_scene::input::{self, files_below};
 use trisplat_scene::math::geometry;
-use trisplat_scene::{Limits, Result};
+use trisplat_scene::math::lists::evenly_spaced;
+use trisplat_scene::{Limits, Result, parallel};
 
 /// A data set in figures.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -81,6 +82,7 @@ pub fn describe(dataset: &Dataset, limits: &Limits) -> Result<Description> {
     let count = |keep: &dyn Fn(&View) -> bool| views.iter().filter(|v| keep(v)).count() as u64;
     let pixels = |v: &View| u64::from(v.camera.size.x) * u64::from(v.camera.size.y);
     let origin = dataset.origin;
+    let is_opaque = is_opaque(views);
     let around = geometry::bounds(views.iter().map(|v| v.camera.position()));
     Ok(Description {
         kind: dataset.kind,
@@ -88,7 +90,7 @@ pub fn describe(dataset: &Dataset, limits: &Limits) -> Result<Description> {
         test: count(&|v| v.test),
         cameras: cameras(views),
         masks: count(&|v| v.photo.mask.is_some()),
-        cut: count(&|v| v.photo.is_cut()),
+        cut: count(&|v| v.photo.is_cut() && !(is_opaque && v.photo.mask.is_none())),
         undistorted: count(&|v| v.photo.undistort.is_some()),
         decoded_bytes: views
             .iter()
@@ -103,6 +105,21 @@ pub fn describe(dataset: &Dataset, limits: &Limits) -> Result<Description> {
         origin: (origin != glam::DVec3::ZERO).then(|| origin.to_array()),
         warnings: dataset.warnings.clone(),
     })
+}
+
+/// Photos that are looked at for transparent pixels.
+const LOOKED_AT: usize = 12;
+
+/// True where photos have opacity, all of it full: they show no object without background.
+fn is_opaque(views: &[View]) -> bool {
+    let with_opacity: Vec<&View> =
+        views.iter().filter(|view| view.photo.is_cut() && view.photo.mask.is_none()).collect();
+    let looked_at: Vec<&View> =
+        evenly_spaced(with_opacity.len(), LOOKED_AT).map(|i| with_opacity[i]).collect();
+    // Who reads the photos reports those that cannot be decoded.
+    let is_opaque = |view: &&View| view.photo.decode().is_ok_and(|photo| photo.alpha.is_none());
+    !looked_at.is_empty()
+        && parallel::map(&looked_at, |_, view| is_opaque(view)).into_iter().all(|is| is)
 }
 
 fn cameras(views: &[View]) -> Vec<CameraGroup> {
@@ -146,12 +163,22 @@ fn bounds(dataset: &Dataset) -> Option<[[f64; 3]; 2]> {
 }
 
 /// The beginnings of the names of files with poses, points and the split.
-const NAMES: [&str; 7] =
-    ["transforms", "test.txt", "cameras.", "images.", "points3D.", "rigs.", "poses_bounds.npy"];
+const NAMES: [&str; 8] = [
+    "transforms",
+    "test.txt",
+    "cameras.",
+    "images.",
+    "points3D.",
+    "rigs.",
+    "poses_bounds.npy",
+    "metadata",
+];
 /// Folders of a data set that hold such files; each may have numbered ones.
 const FOLDERS: [&str; 3] = ["", "sparse", "colmap/sparse"];
 /// The folder of masks.
 const MASKS: &str = "masks";
+/// The folders of photos and poses that apps of phones export.
+const APPS: [&str; 3] = ["keyframes", "rgb", "rgbd"];
 
 impl Dataset {
     /// The files of the data set at `path`, a folder or a file, and what they name: poses, points,
@@ -173,16 +200,14 @@ impl Dataset {
         let roots: Vec<&Path> = std::iter::once(root).chain(above).collect();
         for root in roots {
             files.extend(Self::pose_files(root));
-            for folder in [images, Path::new(MASKS)] {
+            for folder in [images, Path::new(MASKS)].into_iter().chain(APPS.map(Path::new)) {
                 // Photos may lie beside everything else.
-                let is_picture = |path: &PathBuf| image::ImageFormat::from_path(path).is_ok();
-                files.extend(files_below(&root.join(folder)).into_iter().filter(is_picture));
+                let is_one =
+                    |path: &PathBuf| image::ImageFormat::from_path(path).is_ok() || is_json(path);
+                files.extend(files_below(&root.join(folder)).into_iter().filter(is_one));
             }
         }
-        let is_json = |file: &&PathBuf| {
-            file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
-        };
-        let lists = files.iter().filter(is_json);
+        let lists = files.iter().filter(|file| is_json(file));
         let named: Vec<PathBuf> = lists.flat_map(|file| named(&json(file, limits), root)).collect();
         files.extend(named);
         files
@@ -207,6 +232,10 @@ fn poses(folder: &Path) -> Vec<PathBuf> {
     let is_one =
         |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(named);
     input::entries(folder).filter(|path| is_one(path) && path.is_file()).collect()
+}
+
+fn is_json(file: &Path) -> bool {
+    file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
 }
 
 /// A JSON file; null if it cannot be read.

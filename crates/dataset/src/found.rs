@@ -6,6 +6,8 @@ use super::lens::{Distortion, Lens, LensProjection};
 use super::options::DatasetOptions;
 use super::posed::DatasetKind;
 use glam::{DMat3, DVec2, DVec3, UVec2};
+use std::cell::OnceCell;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use trisplat_scene::camera::{Camera, LENS};
 use trisplat_scene::report::counted;
@@ -19,6 +21,8 @@ pub(super) struct FoundDataset {
     /// The file that lists the photos, for messages.
     pub(super) list: PathBuf,
     pub(super) photos: Vec<FoundPhoto>,
+    /// Photos whose pose is none, as not a number, and why.
+    pub(super) broken: Vec<(String, Error)>,
     pub(super) points: Vec<FoundPoint>,
     pub(super) warnings: Vec<String>,
 }
@@ -144,6 +148,8 @@ pub(super) struct NamedFiles<'a> {
     absolute: (usize, Option<String>),
     /// The same of files found in another place.
     moved: (usize, Option<String>),
+    /// The pictures below the folder by name and by stem, in lower case, once they are needed.
+    pictures: OnceCell<HashMap<String, Vec<PathBuf>>>,
 }
 
 impl<'a> NamedFiles<'a> {
@@ -151,15 +157,24 @@ impl<'a> NamedFiles<'a> {
     pub(super) fn new(list: &'a Path, folder: &'a Path, options: &DatasetOptions) -> Self {
         let photos = folder.join(&options.images);
         let allow_outside = options.allow_outside;
-        Self { list, folder, photos, allow_outside, absolute: (0, None), moved: (0, None) }
+        let pictures = OnceCell::new();
+        Self {
+            list,
+            folder,
+            photos,
+            allow_outside,
+            absolute: (0, None),
+            moved: (0, None),
+            pictures,
+        }
     }
 
     /// The path of the file `name`, which the list names at `place`: there, or else of the same
-    /// name, perhaps with another extension, in the folder or that of photos.
+    /// name, perhaps with another extension, in the folder or that of photos, or in any folder below.
     ///
     /// # Errors
     ///
-    /// A file outside the folder without permission.
+    /// A file outside the folder without permission; a name that several files have.
     pub(super) fn find(&mut self, place: &str, name: &str) -> Result<PathBuf> {
         let slashes = name.replace('\\', "/");
         let path = Path::new(slashes.strip_prefix("./").unwrap_or(&slashes));
@@ -182,7 +197,11 @@ impl<'a> NamedFiles<'a> {
             );
             return Err(Error::malformed(self.list, place, reason));
         }
-        let Some(found) = self.elsewhere(path).filter(|_| !leads_out) else { return Ok(there) };
+        let found = match self.elsewhere(path) {
+            None if !leads_out => self.below(place, path)?,
+            found => found.filter(|_| !leads_out),
+        };
+        let Some(found) = found else { return Ok(there) };
         self.moved.0 += 1;
         self.moved.1.get_or_insert_with(|| format!("`{name}`, found as {}", found.display()));
         Ok(found)
@@ -202,6 +221,20 @@ impl<'a> NamedFiles<'a> {
                 EXTENSIONS.map(|e| place.with_extension(e)).into_iter().find(|p| p.is_file())
             })
         })
+    }
+
+    /// The only picture of this name, or else of this stem, in any folder below.
+    fn below(&self, place: &str, path: &Path) -> Result<Option<PathBuf>> {
+        let pictures = self.pictures.get_or_init(|| pictures_below(self.folder));
+        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+        let stem = Path::new(&name).file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        let same = pictures.get(&name).or_else(|| pictures.get(&stem?));
+        match same.map_or(&[][..], Vec::as_slice) {
+            [first, second, ..] => {
+                Err(Error::malformed(self.list, place, namesakes(path, first, second)))
+            }
+            found => Ok(found.first().cloned()),
+        }
     }
 
     /// The name of the photo at `path`: below the folder of photos, else below the folder.
@@ -226,6 +259,57 @@ impl<'a> NamedFiles<'a> {
         });
         absolute.into_iter().chain(moved)
     }
+}
+
+/// Folders of pictures that belong to photos of the same names, by the beginnings of their names.
+const BESIDE_PHOTOS: [&str; 4] = ["mask", "depth", "normal", "@eadir"];
+
+/// The pictures below `folder` by name and by stem, in lower case.
+fn pictures_below(folder: &Path) -> HashMap<String, Vec<PathBuf>> {
+    let mut pictures: HashMap<String, Vec<PathBuf>> = HashMap::new();
+    let mut files = input::files_below(folder);
+    files.sort();
+    for path in files {
+        let below = path.strip_prefix(folder).unwrap_or(&path).to_string_lossy().to_lowercase();
+        let mut parts: Vec<&str> = below.split(['/', '\\']).collect();
+        let name = parts.pop().unwrap_or_default();
+        let is_beside = |part: &&str| {
+            part.starts_with('.') || BESIDE_PHOTOS.iter().any(|start| part.starts_with(start))
+        };
+        if is_picture(Path::new(name)) && !parts.iter().any(is_beside) {
+            let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
+            for key in [name, &stem] {
+                pictures.entry(key.to_owned()).or_default().push(path.clone());
+            }
+        }
+    }
+    pictures
+}
+
+/// True for a name that ends like that of a photo.
+pub(super) fn is_picture(path: &Path) -> bool {
+    let ending = path.extension().unwrap_or_default();
+    EXTENSIONS.iter().any(|known| ending.eq_ignore_ascii_case(known))
+}
+
+/// Why a label says two photos below `folder`, one of them at `path`; `None` where it says one.
+pub(super) fn shared_label(folder: &Path, path: &Path) -> Option<String> {
+    let label = Path::new(path.file_stem()?);
+    match &pictures_below(folder).get(&label.to_string_lossy().to_lowercase())?[..] {
+        [first, second, ..] => Some(namesakes(label, first, second)),
+        _ => None,
+    }
+}
+
+/// Why the photo `name` may be any of these two.
+fn namesakes(name: &Path, first: &Path, second: &Path) -> String {
+    format!(
+        "`{}` is the name of several files, as {} and {}: give each photo a name of its own, in the program that found the \
+         poses too, or name the folder of those that are meant with `images`",
+        name.display(),
+        first.display(),
+        second.display()
+    )
 }
 
 /// Extensions of photos.

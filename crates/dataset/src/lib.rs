@@ -10,6 +10,7 @@ mod colmap_model;
 mod colmap_text;
 mod describe;
 mod exif;
+mod extent;
 pub mod exposure {
     //! Differences of photos in exposure, white balance, and falloff towards the corners.
 
@@ -32,11 +33,14 @@ mod found;
 mod lens;
 mod llff;
 mod load;
+mod masks;
 mod metashape;
 mod options;
+mod phone_apps;
 mod photo;
 mod photos;
 mod points;
+mod pose_check;
 mod posed;
 mod realityscan;
 mod silhouettes;

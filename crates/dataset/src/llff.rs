@@ -49,16 +49,21 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     // No more numbers than photos take memory.
     let rows = header.rows(file, &mut from)?;
     let below = root.join(folder);
-    let photos = pictures.iter().zip(&rows).enumerate().map(|(index, (path, row))| {
+    let mut photos = Vec::new();
+    let mut broken = Vec::new();
+    for (index, (path, row)) in pictures.iter().zip(&rows).enumerate() {
         let name = path.strip_prefix(&below).unwrap_or(path).to_string_lossy().replace('\\', "/");
-        photo(name, path.clone(), row)
-            .map_err(|reason| Error::malformed(file, format!("pose {index}"), reason))
-    });
-    let photos = photos.collect::<Result<_>>()?;
+        match photo(name.clone(), path.clone(), row) {
+            Ok(photo) => photos.push(photo),
+            Err(reason) => {
+                broken.push((name, Error::malformed(file, format!("pose {index}"), reason)));
+            }
+        }
+    }
     let kind = DatasetKind::Llff;
     let list = file.to_owned();
     let points = Vec::new();
-    Ok(FoundDataset { kind, root, list, photos, points, warnings: Vec::new() })
+    Ok(FoundDataset { kind, root, list, photos, broken, points, warnings: Vec::new() })
 }
 
 /// The pictures in a folder, in order of name.

@@ -2,21 +2,22 @@
 //! check the photos, plan their undistortion, shrink, split.
 
 use super::colmap_model::FoundPoint;
-use super::found::{FoundDataset, FoundPhoto};
+use super::extent::{MAX_DISTANCE, check_extent, leave_out_far, origin_of};
+use super::found::{FoundDataset, FoundPhoto, shared_label};
 use super::lens::{Lens, Undistort};
+use super::masks::{check_masks, find_masks};
 use super::options::{DatasetOptions, Masks};
 use super::photo::{Photo, check_mask};
 use super::points::bring_to_horizon;
+use super::pose_check::unseen_points;
 use super::posed::{Dataset, DatasetKind, Point, Reprojection, View, hold_out};
 use super::silhouettes::are_silhouettes;
-use super::{colmap, exif, llff, metashape, realityscan, transforms, views};
+use super::{colmap, exif, llff, metashape, phone_apps, realityscan, transforms, views};
 use glam::{DMat3, DVec3, UVec2, Vec2Swizzles};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use trisplat_formats::far_origin;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
-use trisplat_scene::math::lists::median;
 use trisplat_scene::{Error, Limits, Result, parallel};
 
 impl Dataset {
@@ -48,6 +49,11 @@ impl Dataset {
         } else {
             path.is_file() && reader(path).is_some()
         }
+    }
+
+    /// True for the name of a list of poses: .json, .npy, .xml or .csv.
+    pub fn is_list(path: &Path) -> bool {
+        reader(path).is_some()
     }
 
     /// Like [`Dataset::load`], but only with the named photos, all for training; others are not
@@ -83,18 +89,21 @@ impl Dataset {
 /// Finds the list of poses of a folder.
 type Locator = fn(&Path) -> Option<PathBuf>;
 type PoseReader = fn(&Path, &DatasetOptions) -> Result<FoundDataset>;
-/// The lists of poses beside COLMAP's, by extension; in a folder the first goes first.
-const LISTS: [(&str, Locator, PoseReader); 4] = [
+/// The lists of poses beside COLMAP's, by extension if they have one; in a folder the first goes
+/// first.
+const LISTS: [(&str, Locator, PoseReader); 6] = [
     ("json", transforms::locate, transforms::read),
     ("npy", llff::locate, llff::read),
     ("xml", metashape::locate, metashape::read),
     ("csv", realityscan::locate, realityscan::read),
+    ("", phone_apps::locate_polycam, phone_apps::read_polycam),
+    ("", phone_apps::locate_record3d, phone_apps::read_record3d),
 ];
 
 /// The reader of a list of poses, by its extension.
 fn reader(file: &Path) -> Option<PoseReader> {
     let extension = file.extension()?;
-    let list = LISTS.iter().find(|(ending, ..)| extension.eq_ignore_ascii_case(ending));
+    let list = LISTS.iter().find(|(ending, ..)| extension.eq_ignore_ascii_case(*ending));
     list.map(|(.., read)| *read)
 }
 
@@ -103,7 +112,13 @@ fn find(path: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
     options.validate()?;
     let meta = std::fs::metadata(path).map_err(|e| Error::unread(path, e))?;
     if meta.is_file() {
-        let reason = "is not a data set; give its folder or its transforms.json";
+        let is_zip = path.extension().is_some_and(|ending| {
+            ["zip", "r3d"].iter().any(|zip| ending.eq_ignore_ascii_case(zip))
+        });
+        let reason = match is_zip {
+            true => "is a zip archive; unpack it, and give the folder",
+            false => "is not a data set; give its folder or its transforms.json",
+        };
         return reader(path).ok_or_else(|| Error::unsupported(path, reason))?(path, options);
     }
     if let Some(model) = colmap::locate(path) {
@@ -118,13 +133,14 @@ fn find(path: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
             format!("is a folder of `trisplat make`: its data set is {}", inside.display());
         return Err(Error::unsupported(path, reason));
     }
-    Err(Error::unsupported(
-        path,
-        "holds no posed photos: expected a COLMAP model (sparse/0 with cameras, images and points3D as .bin or \
-         .txt), a transforms.json, poses_bounds.npy, Metashape's cameras.xml or RealityScan's registration .csv; `trisplat capture` \
-         finds the poses of photos",
-    ))
+    let reason = colmap::incomplete(path).or_else(|| phone_apps::other_app(path));
+    Err(Error::unsupported(path, reason.as_deref().unwrap_or(NO_POSES)))
 }
+
+/// Reason of a folder without poses.
+const NO_POSES: &str = "holds no posed photos: expected a COLMAP model (sparse/0 with cameras, images and points3D as .bin or .txt), a \
+     transforms.json, poses_bounds.npy, Metashape's cameras.xml, RealityScan's registration .csv, or a raw export of Polycam or \
+     Record3D; `trisplat capture` finds the poses of photos";
 
 /// Makes a data set of all photos found, or of the named ones.
 fn finish(
@@ -135,7 +151,9 @@ fn finish(
 ) -> Result<Dataset> {
     found.photos.sort_by(|a, b| a.name.cmp(&b.name));
     if let Some(pair) = found.photos.windows(2).find(|pair| pair[0].name == pair[1].name) {
-        let reason = "is listed twice; remove one of the two";
+        let by_label = matches!(found.kind, DatasetKind::Metashape | DatasetKind::RealityScan);
+        let shared = by_label.then(|| shared_label(&found.root, &pair[0].path)).flatten();
+        let reason = shared.unwrap_or_else(|| "is listed twice; remove one of the two".into());
         return Err(Error::malformed(&found.list, format!("photo `{}`", pair[0].name), reason));
     }
     if some.is_none() {
@@ -165,11 +183,15 @@ fn finish(
         Some(_) => dataset.views.iter_mut().for_each(|view| view.tracked.clear()),
         None => keep_points(found.points, &mut dataset),
     }
+    if some.is_none() {
+        dataset.warnings.extend(unseen_points(&dataset));
+    }
     if options.masks == Masks::Auto && are_silhouettes(&dataset.views, &dataset.points) {
         dataset.views.iter_mut().for_each(|view| view.photo.cut = true);
     }
     if some.is_none() {
         hold_out(&mut dataset, &found.root, options)?;
+        check_masks(&mut dataset)?;
     }
     Ok(dataset)
 }
@@ -178,6 +200,7 @@ fn finish(
 fn keep_named(found: &mut FoundDataset, names: &BTreeSet<String>) {
     let photos: BTreeSet<String> = names.iter().map(|name| views::photo(name)).collect();
     found.photos.retain(|photo| names.contains(&photo.name) || photos.contains(&photo.name));
+    found.broken.retain(|(name, _)| names.contains(name));
     found.photos.iter_mut().for_each(|photo| photo.held_out = false);
 }
 
@@ -201,12 +224,12 @@ fn open_views(
 ) -> Result<Vec<View>> {
     let opened: Vec<Result<(Vec<View>, Option<String>)>> =
         parallel::map(&found.photos, |_, photo| open_photo(photo, origin, options));
-    let total = opened.len();
+    let mut broken = std::mem::take(&mut found.broken);
+    let total = opened.len() + broken.len();
     let mut views: Vec<View> = Vec::with_capacity(total);
     let mut wide = 0;
     let mut parts = 0;
     let mut resized = Vec::new();
-    let mut broken = Vec::new();
     for (photo, result) in found.photos.iter().zip(opened) {
         match result {
             Ok((of_photo, warning)) => {
@@ -222,7 +245,7 @@ fn open_views(
                 | Error::Unsupported { .. }
                 | Error::Limit { .. }),
             ) => {
-                broken.push((photo, error));
+                broken.push((photo.name.clone(), error));
             }
             Err(error) => return Err(error),
         }
@@ -232,8 +255,8 @@ fn open_views(
     if let Some(first) = resized.first() {
         found.warnings.push(format!("{first}{}", also(resized.len())));
     }
-    if let Some((photo, error)) = broken.first() {
-        let at = format!("photo `{}`", photo.name);
+    if let Some((name, error)) = broken.first() {
+        let at = format!("photo `{name}`");
         if broken.len() == total && total > 1 {
             let reason = format!("{error}; no photo is left: all {total} fail");
             return Err(Error::malformed(&found.list, at, reason));
@@ -397,95 +420,6 @@ fn shrunk(size: UVec2, max_size: Option<u32>) -> UVec2 {
     }
 }
 
-/// Looks for `masks/NAME.png` and `masks/NAME.jpg.png` (as COLMAP names them) where no mask is
-/// named.
-fn find_masks(found: &mut FoundDataset, options: &DatasetOptions) {
-    if options.masks == Masks::Off {
-        found.photos.iter_mut().for_each(|photo| photo.mask = None);
-        return;
-    }
-    let folder = found.root.join("masks");
-    if !folder.is_dir() {
-        return;
-    }
-    let mut without = 0;
-    for photo in found.photos.iter_mut().filter(|photo| photo.mask.is_none()) {
-        let beside = folder.join(&photo.name);
-        let appended = folder.join(format!("{}.png", photo.name));
-        photo.mask =
-            [beside.with_extension("png"), appended].into_iter().find(|path| path.is_file());
-        without += usize::from(photo.mask.is_none());
-    }
-    if without > 0 {
-        let total = found.photos.len();
-        found
-            .warnings
-            .push(format!("{without} of {total} photos have no picture in {}", folder.display()));
-    }
-}
-
-/// Leaves out photos that are far from all others and from the points: their poses are wrong.
-fn leave_out_far(found: &mut FoundDataset) {
-    let centers: Vec<DVec3> = found.photos.iter().map(FoundPhoto::center).collect();
-    let usual = |values: Vec<f64>| median(values, f64::total_cmp).unwrap_or(0.0);
-    let middle =
-        DVec3::from([0, 1, 2].map(|axis| usual(centers.iter().map(|c| c[axis]).collect())));
-    let distances: Vec<f64> = centers.iter().map(|center| center.distance(middle)).collect();
-    let mut scale = usual(distances.clone());
-    let farthest = distances.iter().copied().fold(0.0, f64::max);
-    if centers.len() < MIN_POSES || scale == 0.0 || farthest <= FAR * scale {
-        return;
-    }
-    let points: Vec<f64> =
-        found.points.iter().map(|point| point.position.distance(middle)).collect();
-    // Without points a walk beside a tripod looks the same.
-    scale = if points.is_empty() { 10.0 * scale } else { scale.max(usual(points)) };
-    let total = centers.len();
-    let out: Vec<usize> = (0..total).filter(|&i| distances[i] > FAR * scale).collect();
-    if let Some(&first) = out.first() {
-        found.warnings.push(format!(
-            "{} of {total} photos left out: their poses are far outside (`{}`: {:.0} times as far as is usual)",
-            out.len(),
-            found.photos[first].name,
-            distances[first] / scale
-        ));
-    }
-    let mut at = 0..;
-    found.photos.retain(|_| at.next().is_none_or(|i| !out.contains(&i)));
-}
-
-/// Refuse cameras so far apart that squares of distances are beyond what a float holds.
-fn check_extent(found: &FoundDataset) -> Result<()> {
-    let Some(first) = found.photos.first().map(FoundPhoto::center) else { return Ok(()) };
-    let distances = found.photos.iter().map(|photo| (photo.center().distance(first), &photo.name));
-    let Some((distance, name)) = distances.max_by(|a, b| a.0.total_cmp(&b.0)) else {
-        return Ok(());
-    };
-    if distance <= MAX_DISTANCE {
-        return Ok(());
-    }
-    let reason = format!(
-        "its camera is {distance:.1e} units from that of `{}`, the limit is {MAX_DISTANCE:.0e}; give poses in meters or a unit like it",
-        found.photos[0].name
-    );
-    Err(Error::malformed(&found.list, format!("photo `{name}`"), reason))
-}
-
-/// The origin to subtract from every position, from the middle of the cameras and the extent of
-/// cameras and points.
-fn origin_of(found: &FoundDataset) -> DVec3 {
-    let centers: Vec<DVec3> = found.photos.iter().map(FoundPhoto::center).collect();
-    let count = centers.len().max(1) as f64;
-    let middle = centers.iter().sum::<DVec3>() / count;
-    let extent = (centers.iter().map(|c| c.distance_squared(middle)).sum::<f64>() / count).sqrt();
-    let distances =
-        found.points.iter().map(|point| point.position.distance(middle) as f32).collect();
-    far_origin(middle, extent.max(median(distances, f32::total_cmp).map_or(0.0, f64::from)))
-}
-
-/// Largest distance from a camera to another one, or from the origin to a point.
-const MAX_DISTANCE: f64 = 1e15;
-
 /// Keeps the points with positions within [`MAX_DISTANCE`], relative to the origin.
 fn keep_points(found: Vec<FoundPoint>, dataset: &mut Dataset) {
     let count = found.len();
@@ -519,8 +453,3 @@ fn keep_points(found: Vec<FoundPoint>, dataset: &mut Dataset) {
         warnings.push("no points: training searches where three photos agree".into());
     }
 }
-
-/// Fewer poses have no usual distance.
-const MIN_POSES: usize = 5;
-/// Poses this many times as far from the middle as is usual are wrong.
-const FAR: f64 = 100.0;

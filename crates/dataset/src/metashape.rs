@@ -1,8 +1,8 @@
 //! Metashape's `cameras.xml` (File > Export > Export Cameras): sensors, photos by label, and the
-//! place of the chunk.
+//! places of the chunk or of its components.
 //!
-//! Poses are camera to chunk with our axes (x right, y down, z forward), and the chunk's are in the
-//! world: scale · R p + t. Of a sensor's numbers, cx and cy are from the middle of the photo, p1
+//! Poses are camera to component with our axes (x right, y down, z forward), and the component's, or
+//! where it has none the chunk's, are in the world: scale · R p + t. Of a sensor's numbers, cx and cy are from the middle of the photo, p1
 //! and p2 in the order opposite to OpenCV's:
 //!
 //! ```text
@@ -18,6 +18,7 @@ use quick_xml::Reader;
 use quick_xml::de::from_str;
 use quick_xml::events::Event;
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use trisplat_scene::{Error, Result, excerpt, input};
 
@@ -26,17 +27,35 @@ const MAX_DEPTH: i32 = 128;
 
 #[derive(Deserialize)]
 struct XmlDocument {
-    chunk: XmlChunk,
+    chunk: Vec<XmlChunk>,
 }
 
 #[derive(Deserialize)]
 struct XmlChunk {
+    #[serde(rename = "@label", default)]
+    label: String,
     #[serde(default)]
     sensors: Sensors,
+    #[serde(default)]
+    components: Components,
     #[serde(default)]
     cameras: XmlCameras,
     #[serde(default)]
     transform: XmlTransform,
+}
+
+#[derive(Default, Deserialize)]
+struct Components {
+    #[serde(default)]
+    component: Vec<Component>,
+}
+
+/// Photos that were aligned with each other.
+#[derive(Deserialize)]
+struct Component {
+    #[serde(rename = "@id")]
+    id: u32,
+    transform: Option<XmlTransform>,
 }
 
 #[derive(Default, Deserialize)]
@@ -95,12 +114,14 @@ struct XmlCamera {
     label: String,
     #[serde(rename = "@sensor_id")]
     sensor: Option<u32>,
+    #[serde(rename = "@component_id")]
+    component: Option<u32>,
     #[serde(rename = "@enabled", default)]
     enabled: Option<String>,
     transform: Option<String>,
 }
 
-/// Placement of the chunk in the world.
+/// Placement of a chunk or component in the world.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct XmlTransform {
@@ -142,51 +163,36 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     };
     check_depth(&text).map_err(wrong)?;
     let document: XmlDocument = from_str(&text).map_err(|e| wrong(e.to_string()))?;
-    let XmlChunk { sensors, cameras, transform } = document.chunk;
-    let place = transform.matrix().map_err(|reason| Error::malformed(file, "chunk", reason))?;
+    let (chunk, mut warnings) = main_chunk(document.chunk);
+    let chunk = chunk.ok_or_else(|| Error::malformed(file, "cameras", NO_POSE))?;
     let root = file.parent().unwrap_or(Path::new("")).to_owned();
     let mut files = NamedFiles::new(file, &root, options);
-    let all = cameras.all();
-    let used = |camera: &&&XmlCamera| {
-        camera.transform.is_some() && !matches!(camera.enabled.as_deref(), Some("0" | "false"))
-    };
+    let used = chunk.main_component(&mut warnings);
     let mut photos = Vec::new();
-    for camera in all.iter().filter(used) {
+    let mut broken = Vec::new();
+    for camera in &used {
         let at = format!("camera `{}`", camera.label);
         let wrong = |reason: String| Error::malformed(file, &at, reason);
-        let sensor =
-            sensors.sensor.iter().find(|sensor| camera.sensor.is_none_or(|id| sensor.id == id));
+        let sensor = chunk
+            .sensors
+            .sensor
+            .iter()
+            .find(|sensor| camera.sensor.is_none_or(|id| sensor.id == id));
         let lens = sensor
             .ok_or_else(|| wrong("its sensor is not in the file".into()))?
             .lens()
             .map_err(wrong)?;
-        let numbers =
-            numbers::<16>(camera.transform.as_deref().unwrap_or_default()).map_err(wrong)?;
-        let to_world = place * DMat4::from_cols_array(&numbers).transpose();
-        let rotation = DMat3::from_mat4(to_world);
-        let center = to_world.w_axis.truncate();
-        let scale = rotation.determinant().cbrt();
-        let proper = scale > 1e-12 && center.is_finite();
-        if !proper {
-            return Err(wrong("its transform is mirrored or singular".into()));
-        }
+        let place = chunk.place(camera).map_err(wrong)?;
         let path = files.find(&at, &camera.label)?;
-        let rotation = (rotation * (1.0 / scale)).transpose();
         let name = files.name_of(&path);
-        let translation = -(rotation * center);
-        photos.push(FoundPhoto::posed(name, path, (rotation, translation), lens));
+        match camera.pose(place) {
+            Ok(pose) => photos.push(FoundPhoto::posed(name, path, pose, lens)),
+            Err(reason) => broken.push((name, wrong(reason))),
+        }
     }
-    if photos.is_empty() {
-        return Err(Error::malformed(
-            file,
-            "cameras",
-            "none has a pose; align the photos before the export",
-        ));
-    }
-    let mut warnings = Vec::new();
-    if photos.len() < all.len() {
-        let without = all.len() - photos.len();
-        let total = all.len();
+    let total = chunk.cameras.all().len();
+    if used.len() < total {
+        let without = total - used.len();
         warnings.push(format!(
             "{without} of {total} photos left out: they are not aligned, or disabled"
         ));
@@ -194,7 +200,89 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     let kind = DatasetKind::Metashape;
     let list = file.to_owned();
     let points = Vec::new();
-    Ok(FoundDataset { kind, root, list, photos, points, warnings })
+    Ok(FoundDataset { kind, root, list, photos, broken, points, warnings })
+}
+
+/// Reason of a file without poses.
+const NO_POSE: &str = "none has a pose; align the photos before the export";
+
+/// The chunk with the most poses, `None` without any pose; and a warning about the poses of others.
+fn main_chunk(mut chunks: Vec<XmlChunk>) -> (Option<XmlChunk>, Vec<String>) {
+    chunks.retain(|chunk| !chunk.posed().is_empty());
+    // Stable: the first of equals.
+    chunks.sort_by_key(|chunk| std::cmp::Reverse(chunk.posed().len()));
+    let count = chunks.len();
+    let mut chunks = chunks.into_iter();
+    let main = chunks.next();
+    let others = chunks.map(|chunk| format!("`{}` {}", chunk.label, chunk.posed().len()));
+    let others = others.collect::<Vec<_>>().join(", ");
+    let warning = main.as_ref().filter(|_| count > 1).map(|main| {
+        format!(
+            "{count} chunks have poses: only `{}` is used, of {} photos; the others have: {others} (merge them in Metashape, or \
+             export one)",
+            main.label,
+            main.posed().len()
+        )
+    });
+    (main, warning.into_iter().collect())
+}
+
+impl XmlChunk {
+    /// The cameras with a pose that are not disabled.
+    fn posed(&self) -> Vec<&XmlCamera> {
+        let is_used = |camera: &&XmlCamera| {
+            camera.transform.is_some() && !matches!(camera.enabled.as_deref(), Some("0" | "false"))
+        };
+        self.cameras.all().into_iter().filter(is_used).collect()
+    }
+
+    /// The place of a component, if it has its own.
+    fn component(&self, camera: &XmlCamera) -> Option<&XmlTransform> {
+        let component = self.components.component.iter().find(|it| Some(it.id) == camera.component);
+        component.and_then(|component| component.transform.as_ref())
+    }
+
+    /// Component to world, for the component of a camera.
+    fn place(&self, camera: &XmlCamera) -> Result<DMat4, String> {
+        self.component(camera).unwrap_or(&self.transform).matrix()
+    }
+
+    /// The posed cameras of one world: all, or where a component has no place those of the largest
+    /// component. Says so in `warnings`.
+    fn main_component(&self, warnings: &mut Vec<String>) -> Vec<&XmlCamera> {
+        let mut posed = self.posed();
+        let mut sizes: BTreeMap<Option<u32>, usize> = BTreeMap::new();
+        posed.iter().for_each(|camera| *sizes.entry(camera.component).or_default() += 1);
+        let is_placed = posed.iter().all(|camera| self.component(camera).is_some());
+        if sizes.len() > 1 && !is_placed {
+            let largest = sizes.iter().rev().max_by_key(|(_, count)| **count);
+            let main = largest.and_then(|(id, _)| *id);
+            posed.retain(|camera| camera.component == main);
+            warnings.push(format!(
+                "the photos fell into {} components without a place relative to each other: only the largest is used; align \
+                 them together",
+                sizes.len()
+            ));
+        }
+        posed
+    }
+}
+
+impl XmlCamera {
+    /// World to camera, for a component at `place`.
+    fn pose(&self, place: DMat4) -> Result<(DMat3, DVec3), String> {
+        let numbers = numbers::<16>(self.transform.as_deref().unwrap_or_default())?;
+        let to_world = place * DMat4::from_cols_array(&numbers).transpose();
+        let rotation = DMat3::from_mat4(to_world);
+        let center = to_world.w_axis.truncate();
+        let scale = rotation.determinant().cbrt();
+        let proper = scale > 1e-12 && center.is_finite();
+        if !proper {
+            return Err("its transform is mirrored or singular".into());
+        }
+        let rotation = (rotation * (1.0 / scale)).transpose();
+        Ok((rotation, -(rotation * center)))
+    }
 }
 
 impl XmlCameras {

@@ -147,14 +147,14 @@ impl Dataset {
     }
 
     /// The world axis that usually points up in this kind of data set: -Y in COLMAP's models, which
-    /// begin with an upright photo, and LLFF's, made of them; +Z in others.
+    /// begin with an upright photo, and LLFF's, made of them; +Y in those of phones; +Z in others.
     pub fn up_axis(&self) -> UpAxis {
         match self.kind {
             DatasetKind::ColmapBinary | DatasetKind::ColmapText | DatasetKind::Llff => UpAxis::NegY,
             DatasetKind::Transforms | DatasetKind::Metashape | DatasetKind::RealityScan => {
                 UpAxis::Z
             }
-            DatasetKind::Drawn => UpAxis::Y,
+            DatasetKind::Polycam | DatasetKind::Record3d | DatasetKind::Drawn => UpAxis::Y,
         }
     }
 }
@@ -180,6 +180,12 @@ pub enum DatasetKind {
     /// RealityScan's table of registered photos.
     #[serde(rename = "RealityScan registration")]
     RealityScan,
+    /// Polycam's raw export.
+    #[serde(rename = "Polycam keyframes")]
+    Polycam,
+    /// Record3D's raw export.
+    #[serde(rename = "Record3D recording")]
+    Record3d,
     /// Drawn pictures of a scene instead of photos.
     #[serde(rename = "drawn pictures")]
     Drawn,

@@ -73,17 +73,14 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     let root = file.parent().unwrap_or(Path::new("")).to_owned();
     let mut files = NamedFiles::new(file, &root, options);
     let mut photos = Vec::new();
+    let mut broken = Vec::new();
     for (index, line) in lines {
         let words: Vec<&str> = line.split(',').map(str::trim).collect();
         let number = |place: Option<usize>| match place {
             None => Ok(0.0),
-            Some(at) => words
-                .get(at)
-                .and_then(|word| word.parse().ok())
-                .filter(|n: &f64| n.is_finite())
-                .ok_or_else(|| {
-                    wrong(index, format!("{} of `{}` is not a number", head[at], words[0]))
-                }),
+            Some(at) => words.get(at).and_then(|word| word.parse().ok()).ok_or_else(|| {
+                wrong(index, format!("{} of `{}` is not a number", head[at], words[0]))
+            }),
         };
         let mut numbers = [0.0; COLUMNS.len()];
         for (number_at, place) in numbers.iter_mut().zip(places) {
@@ -91,9 +88,12 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
         }
         let path = files.find(&format!("line {}", index + 1), words[0])?;
         let name = files.name_of(&path);
-        photos.push(photo(name, path, &numbers, options));
+        match numbers.iter().all(|number: &f64| number.is_finite()) {
+            true => photos.push(photo(name, path, &numbers, options)),
+            false => broken.push((name, wrong(index, "a number is not finite".into()))),
+        }
     }
-    if photos.is_empty() {
+    if photos.is_empty() && broken.is_empty() {
         return Err(wrong(0, "no photo follows; align the photos before the export".into()));
     }
     check_places(file, &photos)?;
@@ -101,7 +101,7 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     let kind = DatasetKind::RealityScan;
     let list = file.to_owned();
     let points = Vec::new();
-    Ok(FoundDataset { kind, root, list, photos, points, warnings })
+    Ok(FoundDataset { kind, root, list, photos, broken, points, warnings })
 }
 
 fn photo(name: String, path: PathBuf, numbers: &[f64; 15], options: &DatasetOptions) -> FoundPhoto {

@@ -34,12 +34,52 @@ struct Transforms {
     shared: Map<String, Value>,
 }
 
+/// A frame; its own keys are those of [`Keys`].
 #[derive(Debug, Deserialize)]
-struct FrameRow {
-    file_path: String,
-    mask_path: Option<String>,
+pub(super) struct FrameRow {
+    pub(super) file_path: String,
+    pub(super) mask_path: Option<String>,
     #[serde(flatten)]
-    own: Map<String, Value>,
+    pub(super) own: Map<String, Value>,
+}
+
+/// Another list of the same kind of frames.
+pub(super) struct TransformsList<'a> {
+    pub(super) kind: DatasetKind,
+    /// Folder that names of files are relative to.
+    pub(super) root: &'a Path,
+    /// The list, for messages.
+    pub(super) file: &'a Path,
+}
+
+impl TransformsList<'_> {
+    /// The data set of these frames.
+    pub(super) fn assemble(
+        &self,
+        frames: Vec<FrameRow>,
+        options: &DatasetOptions,
+    ) -> Result<FoundDataset> {
+        let mut files = NamedFiles::new(self.file, self.root, options);
+        let mut broken = Vec::new();
+        let mut transforms = Transforms {
+            ply_file_path: None,
+            train_filenames: None,
+            val_filenames: None,
+            test_filenames: None,
+            frames,
+            shared: Map::new(),
+        };
+        let photos = transforms.posed(&mut files, &mut broken)?;
+        Ok(FoundDataset {
+            kind: self.kind,
+            root: self.root.to_owned(),
+            list: self.file.to_owned(),
+            photos,
+            broken,
+            points: Vec::new(),
+            warnings: files.warnings().collect(),
+        })
+    }
 }
 
 /// The file of a folder: all frames, or the training frames.
@@ -54,25 +94,23 @@ pub(super) fn locate(root: &Path) -> Option<PathBuf> {
 /// `transforms_val.json`.
 pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
     let root = file.parent().unwrap_or(Path::new("")).to_owned();
-    let transforms = parse(file, &options.limits)?;
+    let mut transforms = parse(file, &options.limits)?;
     let mut files = NamedFiles::new(file, &root, options);
     let points = match &transforms.ply_file_path {
         Some(name) => points(file, &files.find("ply_file_path", name)?, &options.limits)?,
         None => Vec::new(),
     };
-    let mut frames = Vec::with_capacity(transforms.frames.len());
-    for (index, row) in transforms.frames.iter().enumerate() {
-        frames.push(frame(&mut files, index, row, &transforms.shared)?);
-    }
+    let mut broken = Vec::new();
+    let mut frames = transforms.posed(&mut files, &mut broken)?;
     let mut warnings: Vec<String> = files.warnings().collect();
     warnings.extend(split(file, &transforms, &mut frames)?);
     let held_out = ["transforms_test.json", "transforms_val.json"].map(|name| root.join(name));
     if let Some(other) =
         held_out.iter().find(|other| other.is_file()).filter(|other| *other != file)
     {
-        warnings.extend(add_held_out(&mut frames, other, &root, options)?);
+        warnings.extend(add_held_out(&mut frames, &mut broken, other, options)?);
     }
-    if frames.is_empty() {
+    if frames.is_empty() && broken.is_empty() {
         return Err(Error::malformed(
             file,
             "frames",
@@ -82,7 +120,29 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     let kind = DatasetKind::Transforms;
     let list = file.to_owned();
     let photos = frames;
-    Ok(FoundDataset { kind, root, list, photos, points, warnings })
+    Ok(FoundDataset { kind, root, list, photos, broken, points, warnings })
+}
+
+impl Transforms {
+    /// The frames with a pose; the others are removed, and added to `broken`.
+    fn posed(
+        &mut self,
+        files: &mut NamedFiles,
+        broken: &mut Vec<(String, Error)>,
+    ) -> Result<Vec<FoundPhoto>> {
+        let mut frames = Vec::with_capacity(self.frames.len());
+        let rows = std::mem::take(&mut self.frames);
+        for (index, row) in rows.into_iter().enumerate() {
+            match frame(files, index, &row, &self.shared)? {
+                Ok(photo) => {
+                    frames.push(photo);
+                    self.frames.push(row);
+                }
+                Err(fault) => broken.push(fault),
+            }
+        }
+        Ok(frames)
+    }
 }
 
 /// Holds out the photos that the file's own lists name, and leaves out those in none of them.
@@ -147,15 +207,16 @@ fn parse(file: &Path, limits: &Limits) -> Result<Transforms> {
     })
 }
 
+/// Numbers as Python writes them, which JSON has not.
+const NOT_FINITE: [&str; 3] = ["NaN", "-Infinity", "Infinity"];
+
 /// The text with Python's NaN and Infinity as strings, which are refused where a number is used.
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut rest = text;
     let mut inside = false;
     while let Some(first) = rest.chars().next() {
-        let word = ["NaN", "-Infinity", "Infinity"]
-            .into_iter()
-            .find(|word| !inside && rest.starts_with(word));
+        let word = NOT_FINITE.into_iter().find(|word| !inside && rest.starts_with(word));
         let taken = match word {
             Some(word) => word.len(),
             None if first == '\\' => {
@@ -177,16 +238,16 @@ fn quoted(text: &str) -> String {
 /// warnings.
 fn add_held_out(
     frames: &mut Vec<FoundPhoto>,
+    broken: &mut Vec<(String, Error)>,
     file: &Path,
-    root: &Path,
     options: &DatasetOptions,
 ) -> Result<Vec<String>> {
-    let transforms = parse(file, &options.limits)?;
+    let mut transforms = parse(file, &options.limits)?;
+    let root = file.parent().unwrap_or(Path::new(""));
     let mut files = NamedFiles::new(file, root, options);
     let mut known: HashMap<String, usize> =
         frames.iter().enumerate().map(|(i, f)| (f.name.clone(), i)).collect();
-    for (index, row) in transforms.frames.iter().enumerate() {
-        let held = frame(&mut files, index, row, &transforms.shared)?;
+    for held in transforms.posed(&mut files, broken)? {
         match known.get(&held.name) {
             Some(&i) => frames[i].held_out = true,
             None => {
@@ -198,12 +259,13 @@ fn add_held_out(
     Ok(files.warnings().collect())
 }
 
+/// A frame; or its name and what is wrong with its pose.
 fn frame(
     files: &mut NamedFiles,
     index: usize,
     row: &FrameRow,
     shared: &Map<String, Value>,
-) -> Result<FoundPhoto> {
+) -> Result<Result<FoundPhoto, (String, Error)>> {
     let file = files.list;
     let place = format!("frame {index} `{}`", plain(&row.file_path));
     let path = files.find(&place, &row.file_path)?;
@@ -211,15 +273,13 @@ fn frame(
     let bad = |reason: String| Error::malformed(file, &place, reason);
     let name = files.name_of(&path);
     let keys = Keys { own: &row.own, shared };
-    let matrix: Vec<Vec<f64>> = keys
-        .value("transform_matrix")
-        .map_err(bad)?
-        .ok_or_else(|| bad("has no transform_matrix".into()))?;
-    let pose = pose(&matrix).map_err(bad)?;
     let lens = keys
         .lens(keys.projection().map_err(|reason| Error::unsupported(file, reason))?)
         .map_err(bad)?;
-    Ok(FoundPhoto { mask, ..FoundPhoto::posed(name, path, pose, lens) })
+    Ok(match keys.matrix().and_then(|matrix| pose(&matrix)) {
+        Ok(pose) => Ok(FoundPhoto { mask, ..FoundPhoto::posed(name, path, pose, lens) }),
+        Err(reason) => Err((name, bad(reason))),
+    })
 }
 
 /// World to camera from camera to world.
@@ -273,6 +333,18 @@ impl Keys<'_> {
             |values: &Map<String, Value>| values.get(key).filter(|value| !value.is_null()).cloned();
         let value = given(self.own).or_else(|| given(self.shared)).map(serde_json::from_value);
         value.transpose().map_err(|e| format!("{key}: {e}"))
+    }
+
+    /// The pose of the frame. Null and Python's NaN and Infinity, by now strings, are no numbers.
+    fn matrix(&self) -> Result<Vec<Vec<f64>>, String> {
+        let rows: Value = self.value("transform_matrix")?.ok_or("has no transform_matrix")?;
+        let lists = rows.as_array().into_iter().flatten().filter_map(Value::as_array);
+        for number in lists.flatten() {
+            if number.is_null() || number.as_str().is_some_and(|word| NOT_FINITE.contains(&word)) {
+                return Err("transform_matrix has a value that is not a finite number".into());
+            }
+        }
+        serde_json::from_value(rows).map_err(|e| format!("transform_matrix: {e}"))
     }
 
     /// A number, or its place in the 3×3 matrix K.

@@ -1,6 +1,8 @@
 //! Data sets: real photos, the sample, lenses and options.
 
 mod broken;
+mod exports;
+mod masks;
 mod models;
 mod phone;
 mod photogrammetry;
