@@ -115,9 +115,10 @@ fn find(path: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
         let is_zip = path.extension().is_some_and(|ending| {
             ["zip", "r3d"].iter().any(|zip| ending.eq_ignore_ascii_case(zip))
         });
-        let reason = match is_zip {
-            true => "is a zip archive; unpack it, and give the folder",
-            false => "is not a data set; give its folder or its transforms.json",
+        let reason = if is_zip {
+            "is a zip archive; unpack it, and give the folder"
+        } else {
+            "is not a data set; give its folder or its transforms.json"
         };
         return reader(path).ok_or_else(|| Error::unsupported(path, reason))?(path, options);
     }

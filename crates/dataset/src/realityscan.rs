@@ -88,9 +88,10 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
         }
         let path = files.find(&format!("line {}", index + 1), words[0])?;
         let name = files.name_of(&path);
-        match numbers.iter().all(|number: &f64| number.is_finite()) {
-            true => photos.push(photo(name, path, &numbers, options)),
-            false => broken.push((name, wrong(index, "a number is not finite".into()))),
+        if numbers.iter().all(|number: &f64| number.is_finite()) {
+            photos.push(photo(name, path, &numbers, options));
+        } else {
+            broken.push((name, wrong(index, "a number is not finite".into())));
         }
     }
     if photos.is_empty() && broken.is_empty() {
