@@ -6,12 +6,13 @@
 //! per triangle, of the residuals that the photos have to the scene in its own colours:
 //!
 //! ```text
-//! minimise Σ_pixels (photo - drawn - Σ_j c_j Y_j(direction))² + λ Σ_(j > 0) c_j²
+//! minimise Σ_pixels (photo - drawn - Σ_j c_j Y_j(direction))² + λ Σ_(j > 0) (c_j - m_j)²
 //! ```
 //!
-//! Y are orthonormal on the sphere, so λ is as strong as that many pixels without view dependence,
-//! seen from all directions alike: where no photo stood, the harmonics fade. The degree and λ are
-//! those that lower the error of held-out photos most.
+//! Y are orthonormal on the sphere, so λ is as strong as that many pixels, seen from all directions
+//! alike. The m are those of a group of triangles, which fit all of them and are pulled to 0 by the
+//! same λ. So where no photo stood, the harmonics fade. The degree and λ are those that lower the
+//! error of held-out photos most.
 
 mod equations;
 

@@ -7,20 +7,28 @@
 
 use crate::refit::Equations;
 use rayon::prelude::*;
+use std::ops::Range;
 use trisplat_raster::kernel::sh::MAX_COEFFICIENTS;
 use trisplat_scene::sh_count;
 
 /// Pull of the coefficient of degree 0 to 0, px: it only keeps the equations solvable.
 const DAMPING_PX: f64 = 0.02;
+/// Consecutive faces whose harmonics are pulled to common ones. Those of the 8 nearest faces gain
+/// less (docs/benchmarks/bake.md).
+const GROUP: usize = 32;
 /// Faces per task of the thread pool.
 const TASK_FACES: usize = 1 << 10;
+
+/// Coefficients of a face; those beyond its degree are 0. `[coefficient][channel]`
+type Coefficients = [[f32; 3]; MAX_COEFFICIENTS];
 
 /// Degree and pull of a solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Regularization {
     /// Degree of the harmonics.
     pub(super) degree: u8,
-    /// λ: pull of the coefficients of degree 1 and more to 0, px.
+    /// λ: pull of the coefficients of degree 1 and more to those of a group of faces, and of these
+    /// to 0, px.
     pub(super) ridge: f64,
 }
 
@@ -121,17 +129,50 @@ impl ShEquations {
         self.degree
     }
 
-    /// Coefficients of all faces. `[F * (degree + 1)²][channel]`
+    /// Coefficients of all faces: few photos of a face say little, so those of degree 1 and more
+    /// are pulled to what fits a group of faces together. `[F * (degree + 1)²][channel]`
     pub(super) fn solve(&self, how: Regularization) -> Vec<[f32; 3]> {
         let width = sh_count(how.degree);
         let mut solved = vec![[0.0; 3]; self.face_count() * width];
-        solved.par_chunks_mut(TASK_FACES * width).enumerate().for_each(|(task, faces)| {
-            for (i, out) in faces.chunks_mut(width).enumerate() {
-                let of_face = self.face(task * TASK_FACES + i).solve(how);
+        solved.par_chunks_mut(GROUP * width).enumerate().for_each(|(group, out)| {
+            let first = group * GROUP;
+            let common = self.solve_together(first..first + out.len() / width, how);
+            for (i, out) in out.chunks_mut(width).enumerate() {
+                let of_face = self.face(first + i).solve(how, &common);
                 out.copy_from_slice(&of_face[..width]);
             }
         });
         solved
+    }
+
+    /// Coefficients of degree 1 and more that fit all of `faces`, each of which has a constant of
+    /// its own.
+    fn solve_together(&self, faces: Range<usize>, how: Regularization) -> Coefficients {
+        let mut matrix = vec![0.0f32; packed(self.width)];
+        let mut right = vec![[0.0f32; 3]; self.width];
+        // The constants are eliminated; the equation of a common one says that it is 0.
+        matrix[0] = 1.0;
+        for face in faces.map(|face| self.face(face)) {
+            if face.matrix[0] <= 0.0 {
+                continue;
+            }
+            let per = 1.0 / (face.matrix[0] + DAMPING_PX as f32);
+            let mut place = self.width;
+            for i in 1..self.width {
+                let share = face.matrix[i] * per;
+                for j in i..self.width {
+                    matrix[place] += face.matrix[place] - share * face.matrix[j];
+                    place += 1;
+                }
+                for (sum, (own, constant)) in
+                    right[i].iter_mut().zip(face.right[i].iter().zip(face.right[0]))
+                {
+                    *sum += own - share * constant;
+                }
+            }
+        }
+        let all = FaceEquations { width: self.width, matrix: &matrix, right: &right };
+        all.solve(how, &[[0.0; 3]; MAX_COEFFICIENTS])
     }
 
     /// By how much these coefficients lower the sum of squared residuals of the photos of `self`, px.
@@ -162,13 +203,21 @@ impl FaceEquations<'_> {
         f64::from(self.matrix[before + j])
     }
 
-    /// Solves by Cholesky factors. Harmonics of a lower degree are the first ones, so their equations
-    /// are the first rows and columns.
-    fn solve(&self, how: Regularization) -> [[f32; 3]; MAX_COEFFICIENTS] {
+    /// Solves by Cholesky factors for the difference from `common`, whose constant is 0. Harmonics
+    /// of a lower degree are the first ones, so their equations are the first rows and columns.
+    fn solve(&self, how: Regularization, common: &Coefficients) -> Coefficients {
         let width = sh_count(how.degree);
-        let mut out = [[0.0; 3]; MAX_COEFFICIENTS];
         if self.matrix[0] <= 0.0 {
-            return out;
+            return [[0.0; 3]; MAX_COEFFICIENTS];
+        }
+        let mut out = *common;
+        let mut right = [[0.0f64; 3]; MAX_COEFFICIENTS];
+        for (i, right) in right[..width].iter_mut().enumerate() {
+            for (channel, right) in right.iter_mut().enumerate() {
+                let of_common =
+                    |j: usize| self.at(i.min(j), i.max(j)) * f64::from(common[j][channel]);
+                *right = f64::from(self.right[i][channel]) - (1..width).map(of_common).sum::<f64>();
+            }
         }
         let mut lower = [[0.0f64; MAX_COEFFICIENTS]; MAX_COEFFICIENTS];
         for i in 0..width {
@@ -186,14 +235,14 @@ impl FaceEquations<'_> {
             let mut x = [0.0f64; MAX_COEFFICIENTS];
             for i in 0..width {
                 let sum: f64 = (0..i).map(|k| lower[i][k] * x[k]).sum();
-                x[i] = (f64::from(self.right[i][c]) - sum) / lower[i][i];
+                x[i] = (right[i][c] - sum) / lower[i][i];
             }
             for i in (0..width).rev() {
                 let sum: f64 = (i + 1..width).map(|k| lower[k][i] * x[k]).sum();
                 x[i] = (x[i] - sum) / lower[i][i];
             }
             for (out, x) in out.iter_mut().zip(x) {
-                out[c] = x as f32;
+                out[c] += x as f32;
             }
         }
         out
@@ -268,6 +317,20 @@ mod tests {
         assert!(best > 0.0 && (of(1e-6, 2) - best).abs() < 1e-3 * best);
         assert!(of(50.0, 2) < of(1.0, 2) && of(1e-6, 1) < of(1e-6, 2));
         assert!(of(50.0, 2) > 0.0);
+    }
+
+    #[test]
+    fn a_face_that_few_pixels_show_shines_like_its_group() {
+        let truth = std::array::from_fn(|j| [0.2 - 0.03 * j as f32, 0.1, -0.1]);
+        let rich = equations(&truth);
+        let mut both = ShEquations::new(2, 2);
+        both.matrices[..45].copy_from_slice(&rich.matrices);
+        both.rights[..9].copy_from_slice(&rich.rights);
+        both.matrices[45] = 1e-3;
+        let solved = both.solve(Regularization { degree: 2, ridge: 1e-4 });
+        for j in 1..9 {
+            assert!((solved[9 + j][0] - truth[j][0]).abs() < 5e-3, "{:?}", &solved[9..]);
+        }
     }
 
     #[test]
