@@ -116,7 +116,8 @@ fn exposure_is_judged_by_left_out_photos_where_a_run_has_time() {
     let (judged, _) = of_phone(folder.path(), |_| ());
     let evidence = judged.said.unwrap();
     assert!(evidence.photos >= 12 && judged.trainings >= 1, "{evidence:?}");
-    assert!(evidence.strengths.gain > 0.5, "{evidence:?}");
+    // The share for a slope of 0.87 less its standard error.
+    assert!(evidence.strengths.gain > 0.4, "{evidence:?}");
     let (again, _) = of_phone(folder.path(), |job| job.budget = Some(Budget::cpu(Seconds(120.0))));
     assert_eq!(again.said, Some(evidence), "a budget changes nothing but whether there is time");
     let not_judged: [fn(&mut TrainJob); 4] = [

@@ -149,7 +149,9 @@ mod tests {
         let size = glam::UVec2::new(960, 8);
         let striped = |at: u32| RgbImage {
             size,
-            rgb: (0..960 * 8).map(|i| [if (i + at) % 2 == 0 { 90 } else { 110 }; 3]).collect(),
+            rgb: (0..960 * 8)
+                .map(|i| [if (i + at).is_multiple_of(2) { 90 } else { 110 }; 3])
+                .collect(),
             alpha: None,
         };
         let look = Look::of(&striped(0), &striped(1));

@@ -90,7 +90,7 @@ impl Converter {
     /// Converts `photo` as a trial.
     fn try_on(&self, photo: &Path) -> Result<()> {
         let converted = self.convert(photo)?;
-        let size = RgbImage::size_of(&converted, &Limits::DEFAULT)?;
+        let size = RgbImage::size_of(&converted, &Limits::DEFAULT).map_err(|e| e.about(photo))?;
         let notes = PhotoNotes::of(&input::read(photo, &Limits::DEFAULT)?);
         self.check(photo, notes.sensor, size)
     }
