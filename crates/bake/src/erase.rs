@@ -16,9 +16,9 @@ use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::Outcome;
 use trisplat_scene::{Error, Placement, Provenance, Result};
 
-/// Distance of a middle from a listed triangle up to which it is on it, as a share of the longest
-/// edge of that: neighbours' middles are about 0.3 away.
-const MAX_DISTANCE: f32 = 0.2;
+/// Distance of a middle from a listed triangle up to which it is on it, as a share of the height
+/// of that: the middle of a neighbour of the same shape is a third away.
+const MAX_DISTANCE: f32 = 0.25;
 /// Distance of equal corners, as a share of the longest edge.
 const SAME: f32 = 1e-3;
 /// Longest edge of a triangle that goes, as a multiple of that of the listed one.
@@ -158,7 +158,7 @@ impl EraseList {
         let mut erased = vec![false; middles.len()];
         for (triangle, matched) in self.triangles.iter().zip(matched) {
             let size = longest_edge(triangle);
-            let reach = MAX_DISTANCE * size;
+            let reach = MAX_DISTANCE * height(triangle);
             let low = triangle.iter().copied().fold(Vec3::INFINITY, Vec3::min) - reach;
             let high = triangle.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max) + reach;
             let first = middles.partition_point(|(middle, _)| middle.x < low.x);
@@ -187,6 +187,12 @@ impl EraseList {
 
 fn longest_edge([a, b, c]: &[Vec3; 3]) -> f32 {
     a.distance(*b).max(b.distance(*c)).max(c.distance(*a))
+}
+
+/// Smallest height of a triangle.
+fn height(triangle: &[Vec3; 3]) -> f32 {
+    let [a, b, c] = *triangle;
+    (b - a).cross(c - a).length() / longest_edge(triangle).max(f32::MIN_POSITIVE)
 }
 
 /// Distance of a point from a triangle.
