@@ -158,15 +158,14 @@ impl ShEquations {
             }
             let per = 1.0 / (face.matrix[0] + DAMPING_PX as f32);
             let mut place = self.width;
-            for i in 1..self.width {
+            for (i, sums) in right.iter_mut().enumerate().skip(1) {
                 let share = face.matrix[i] * per;
                 for j in i..self.width {
                     matrix[place] += face.matrix[place] - share * face.matrix[j];
                     place += 1;
                 }
-                for (sum, (own, constant)) in
-                    right[i].iter_mut().zip(face.right[i].iter().zip(face.right[0]))
-                {
+                let rights = face.right[i].iter().zip(face.right[0]);
+                for (sum, (own, constant)) in sums.iter_mut().zip(rights) {
                     *sum += own - share * constant;
                 }
             }
