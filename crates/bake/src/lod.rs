@@ -17,7 +17,7 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Outcome, StageProgress};
 use trisplat_scene::{Asset, Error, Result};
-use trisplat_surface::collapse;
+use trisplat_surface::EdgeCollapse;
 
 /// Maximum number of levels beside the scene itself.
 const MAX_LEVELS: usize = 8;
@@ -145,6 +145,7 @@ pub fn lod(
     }
     let Parts { connected, loose } =
         if source.is_soup { Parts::of_soup(source.mesh) } else { Parts::of(source.mesh) };
+    let collapse = connected.as_ref().map(EdgeCollapse::new);
     let loose = LevelSource { mesh: &loose, ..*source };
     let fewest = options.lod.last().map_or(1, |share| faces_of_share(loose.mesh, *share));
     let mut decimation = Decimation::new(loose.mesh, source.cameras);
@@ -162,10 +163,10 @@ pub fn lod(
         } else {
             level(&loose, &mut decimation, faces, progress.part(0.0, MOVING_PART))
         };
-        let level = match &connected {
-            Some(connected) => {
+        let level = match &collapse {
+            Some(collapse) => {
                 let faces = faces_of_share(source.mesh, share) - soup.face_count();
-                let mut level = collapse(connected, faces.max(1)).mesh;
+                let mut level = collapse.to(faces.max(1)).mesh;
                 level.append(soup)?;
                 level
             }

@@ -9,7 +9,7 @@ use std::borrow::Cow;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::Outcome;
 use trisplat_scene::{Result, Scene};
-use trisplat_surface::collapse;
+use trisplat_surface::EdgeCollapse;
 
 /// Measurements of the simplification.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -45,7 +45,7 @@ pub fn simplify(
         return Ok(Outcome::Skipped("hardly any triangles share an edge"));
     };
     let share = limit as f64 / mesh.face_count() as f64;
-    let simplified = collapse(connected, faces_of_share(connected, share));
+    let simplified = EdgeCollapse::new(connected).to(faces_of_share(connected, share));
     details.connected = connected.face_count() as u64;
     details.simplification_error = simplified.error;
     let mut whole = simplified.mesh;

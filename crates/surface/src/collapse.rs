@@ -30,33 +30,54 @@ pub struct Collapsed {
     pub error: f64,
 }
 
-/// Simplifies a mesh of [connected faces](crate::connected_faces) to at most `most` faces. Where
-/// its topology permits no more collapses, the smallest faces go.
-pub fn collapse(mesh: &Mesh, most: usize) -> Collapsed {
-    if mesh.face_count() <= most {
-        return Collapsed { mesh: mesh.clone(), error: 0.0 };
+/// The simplification of a mesh of [connected faces](crate::connected_faces), to any number.
+pub struct EdgeCollapse<'a> {
+    mesh: &'a Mesh,
+    wedges: Wedges,
+}
+
+impl<'a> EdgeCollapse<'a> {
+    /// Finds the seams of `mesh`.
+    pub fn new(mesh: &'a Mesh) -> Self {
+        Self { mesh, wedges: Wedges::of(mesh) }
     }
-    let wedges = Wedges::of(mesh);
-    let mut best = wedges.collapsed(most, SimplifyOptions::None);
-    // Across seams of colours, never of a texture; then without the smallest pieces.
-    for options in [SimplifyOptions::None, SimplifyOptions::Prune] {
-        if best.faces.len() > most {
-            let other = wedges.collapsed(most, SimplifyOptions::Permissive | options);
-            if other.faces.len() < best.faces.len() {
-                best = other;
+
+    /// Simplifies the mesh to at most `most` faces. Where its topology permits no more collapses,
+    /// the smallest faces go.
+    pub fn to(&self, most: usize) -> Collapsed {
+        let Self { mesh, wedges } = self;
+        if mesh.face_count() <= most {
+            return Collapsed { mesh: (*mesh).clone(), error: 0.0 };
+        }
+        let mut best = wedges.collapsed(most, SimplifyOptions::None);
+        // Across seams of colours, never of a texture; then without the smallest pieces.
+        for options in [SimplifyOptions::None, SimplifyOptions::Prune] {
+            if best.faces.len() > most {
+                let other = wedges.collapsed(most, SimplifyOptions::Permissive | options);
+                if other.faces.len() < best.faces.len() {
+                    best = other;
+                }
             }
         }
+        let CollapsedFaces { mut faces, error } = best;
+        if faces.len() > most {
+            let area = |face: &[u32; 3]| {
+                let [a, b, c] = face.map(|wedge| wedges.positions[wedge as usize].as_dvec3());
+                (b - a).cross(c - a).length()
+            };
+            faces.sort_by(|a, b| area(b).total_cmp(&area(a)));
+            faces.truncate(most);
+        }
+        Collapsed { mesh: wedges.mesh(mesh, &faces), error }
     }
-    let CollapsedFaces { mut faces, error } = best;
-    if faces.len() > most {
-        let area = |face: &[u32; 3]| {
-            let [a, b, c] = face.map(|wedge| wedges.positions[wedge as usize].as_dvec3());
-            (b - a).cross(c - a).length()
-        };
-        faces.sort_by(|a, b| area(b).total_cmp(&area(a)));
-        faces.truncate(most);
-    }
-    Collapsed { mesh: wedges.mesh(mesh, &faces), error }
+}
+
+/// Positions as meshoptimizer reads them, and their extent, by which its errors are relative.
+pub(super) fn vertex_data(positions: &[Vec3]) -> Option<(VertexDataAdapter<'_>, f32)> {
+    let bytes = bytemuck::cast_slice(positions);
+    let vertices = VertexDataAdapter::new(bytes, size_of::<Vec3>(), 0).ok()?;
+    let scale = meshopt::simplify_scale(&vertices);
+    Some((vertices, scale))
 }
 
 /// Faces after edge collapses.
@@ -144,11 +165,7 @@ impl Wedges {
     /// one face.
     fn collapsed(&self, most: usize, options: SimplifyOptions) -> CollapsedFaces {
         let all = || CollapsedFaces { faces: self.indices.as_chunks().0.to_vec(), error: 0.0 };
-        let bytes: &[u8] = bytemuck::cast_slice(&self.positions);
-        let Ok(vertices) = VertexDataAdapter::new(bytes, size_of::<Vec3>(), 0) else {
-            return all();
-        };
-        let scale = meshopt::simplify_scale(&vertices);
+        let Some((vertices, scale)) = vertex_data(&self.positions) else { return all() };
         let mut error = 0.0;
         let indices = meshopt::simplify_with_attributes_and_locks(
             &self.indices,

@@ -1,12 +1,12 @@
 //! The collider of a mesh whose triangles share edges: the mesh itself, of fewer triangles. Colours
 //! and seams do not matter to it.
 
+use crate::collapse::vertex_data;
 use crate::connected::{connected_faces, first_with_key, place_bits};
 use crate::fill::drop_small;
 use crate::options::SurfaceDetails;
 use crate::simplify::{TooFewTriangles, drop_unused, simplify};
-use glam::Vec3;
-use meshopt::{SimplifyOptions, VertexDataAdapter};
+use meshopt::SimplifyOptions;
 use trisplat_scene::mesh::{Colors, Mesh};
 
 /// Triangles of the mesh per triangle of its collider.
@@ -68,9 +68,7 @@ fn welded(mesh: &Mesh) -> Mesh {
 /// Collapses edges down to `most` faces, while the surface moves at most by a share of its size.
 /// Returns how far it moved.
 fn collapse_within(mesh: &mut Mesh, most: usize, max_error: f32) -> f64 {
-    let bytes: &[u8] = bytemuck::cast_slice(&mesh.positions);
-    let Ok(vertices) = VertexDataAdapter::new(bytes, size_of::<Vec3>(), 0) else { return 0.0 };
-    let scale = meshopt::simplify_scale(&vertices);
+    let Some((vertices, scale)) = vertex_data(&mesh.positions) else { return 0.0 };
     let mut error = 0.0;
     let options = SimplifyOptions::None;
     mesh.indices =

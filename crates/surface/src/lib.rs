@@ -28,7 +28,7 @@ mod options;
 mod picture;
 mod simplify;
 
-pub use collapse::{Collapsed, collapse};
+pub use collapse::{Collapsed, EdgeCollapse};
 pub use connected::connected_faces;
 pub use extract::{
     CollisionDetails, CollisionOptions, SurfacePart, collision, surface, surface_of_part,

@@ -2,10 +2,10 @@
 //! the quadric errors of meshoptimizer, and where the topology permits no more of that, vertices
 //! are joined and edges collapse again.
 
-use crate::collapse::COLOR_WEIGHT;
+use crate::collapse::{COLOR_WEIGHT, vertex_data};
 use crate::fill::{Components, drop_small_areas};
 use glam::{DMat3, DVec3, UVec3, Vec3};
-use meshopt::{SimplifyOptions, VertexDataAdapter};
+use meshopt::SimplifyOptions;
 use rayon::prelude::*;
 use std::collections::HashSet;
 use trisplat_scene::math::color::srgb_from_linear;
@@ -102,9 +102,7 @@ fn collapse(mesh: &mut Mesh, max_faces: usize) -> f64 {
     let Colors::Vertex(colors) = &mesh.colors else { return 0.0 };
     let codes: Vec<f32> =
         colors.iter().flatten().map(|channel| srgb_from_linear(*channel)).collect();
-    let bytes: &[u8] = bytemuck::cast_slice(&mesh.positions);
-    let Ok(vertices) = VertexDataAdapter::new(bytes, size_of::<Vec3>(), 0) else { return 0.0 };
-    let scale = meshopt::simplify_scale(&vertices);
+    let Some((vertices, scale)) = vertex_data(&mesh.positions) else { return 0.0 };
     let mut error = 0.0;
     // No vertex is locked. An empty list would be read beyond its end. Not `Prune`: where the
     // topology keeps a piece above `max_faces`, it drops one piece after the other until none is
@@ -390,8 +388,7 @@ mod tests {
     fn what_edge_collapses_would_empty_ends_within_its_budget() {
         let mesh = checkerboard(12);
         assert_eq!(mesh.face_count(), 864 * 12);
-        let bytes: &[u8] = bytemuck::cast_slice(&mesh.positions);
-        let vertices = VertexDataAdapter::new(bytes, size_of::<Vec3>(), 0).unwrap();
+        let (vertices, _) = vertex_data(&mesh.positions).unwrap();
         let with =
             |how| meshopt::simplify(&mesh.indices, &vertices, 3 * 50, f32::MAX, how, None).len();
         assert_eq!(
