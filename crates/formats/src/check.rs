@@ -14,7 +14,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{Error, ImportedScene, Result, Scene, Soup, parallel};
+use trisplat_scene::{Error, ImportedScene, Result, Scene, Soup, first_of, parallel};
 
 /// Everything found in one file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -188,16 +188,8 @@ fn report(bad: &[usize], findings: &mut Findings, severity: Severity, what: &str
     if !bad.is_empty() {
         findings.add(
             severity,
-            format!("triangles {}", places(bad)),
+            format!("triangles {}", first_of(bad.iter().map(usize::to_string), NAMED)),
             format!("{} {what}", bad.len()),
         );
     }
-}
-
-/// "5, 17, 230 and 12 more".
-fn places(numbers: &[usize]) -> String {
-    let named: Vec<String> = numbers.iter().take(NAMED).map(usize::to_string).collect();
-    let more = numbers.len() - named.len();
-    let named = named.join(", ");
-    if more == 0 { named } else { format!("{named} and {more} more") }
 }

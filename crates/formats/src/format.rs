@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
 use trisplat_scene::input::BYTE_ORDER_MARK;
-use trisplat_scene::{Error, excerpt};
+use trisplat_scene::{Error, excerpt, first_of};
 
 /// A format we read.
 #[derive(
@@ -243,13 +243,10 @@ fn streamed_sog(path: &Path, list: &Value) -> Error {
         list["filenames"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
     let finest: Vec<&str> = all.iter().copied().filter(|name| name.starts_with("0_")).collect();
     let named = if finest.is_empty() { &all } else { &finest };
-    let names: Vec<String> = named.iter().take(3).map(|name| excerpt(name)).collect();
-    let more = named.len() - names.len();
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
     let reason = format!(
         "is the list of a streamed SOG, a scene in parts and levels of detail: give its whole in another format, or a part of its \
-         finest level: {}{more}",
-        names.join(", ")
+         finest level: {}",
+        first_of(named.iter().map(|name| excerpt(name)), 3)
     );
     Error::unsupported(path, reason)
 }

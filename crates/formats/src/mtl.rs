@@ -11,7 +11,7 @@ use trisplat_scene::atlas::{PaintedFaces, Wrap, paint};
 use trisplat_scene::atomic::FileId;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{Error, Limits, Result, Texture, excerpt, input};
+use trisplat_scene::{Error, Limits, Result, Texture, excerpt, first_of, input};
 
 /// Maximum number of libraries of a file; each is read whole.
 const MAX_LIBRARIES: usize = 64;
@@ -205,7 +205,7 @@ impl Materials {
         (!named.is_empty()).then(|| {
             format!(
                 "the alpha of materials is not read, their triangles are drawn whole: {}",
-                list(&named)
+                first_of(named.into_iter(), MAX_NAMED)
             )
         })
     }
@@ -229,10 +229,10 @@ impl Materials {
         let missing = self.names.iter().zip(&materials).filter(|(_, material)| material.is_none());
         let missing: Vec<&str> = missing.map(|(name, _)| name.as_str()).collect();
         if !libraries.is_empty() && !missing.is_empty() {
-            let names: Vec<String> = missing.iter().map(|name| excerpt(name)).collect();
+            let names = missing.iter().map(|name| excerpt(name));
             warnings.push(format!(
                 "materials that no library has, their triangles are white: {}",
-                list(&names)
+                first_of(names, MAX_NAMED)
             ));
         }
         materials
@@ -256,13 +256,6 @@ impl Materials {
         }
         materials
     }
-}
-
-/// Names for a message: the first ones, and how many there are more.
-fn list(names: &[String]) -> String {
-    let more = names.len().saturating_sub(MAX_NAMED);
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    format!("{}{more}", names[..names.len().min(MAX_NAMED)].join(", "))
 }
 
 /// The pictures of materials, each read once, however many materials name it and by whichever
@@ -329,8 +322,8 @@ fn pictures(library: &Path, options: &ReadOptions) -> Result<Vec<String>> {
 }
 
 /// Resolve the path of a file that the OBJ or PLY at `path` names, or of one whose name differs in
-/// case only. A missing file, such as `C:\maps\wall.png` of another machine, is searched beside it by
-/// the end of its path.
+/// case only. A missing file, such as `C:\maps\wall.png` of another machine, is searched beside it
+/// by the end of its path.
 pub(crate) fn resolve(path: &Path, name: &str, options: &ReadOptions) -> Result<PathBuf> {
     let refuse = |why: &str| Err(Error::unsupported(path, format!("it names {name:?}, {why}")));
     if path.as_os_str() == "-" {

@@ -264,6 +264,13 @@ const UNCUT_MESSAGE_BYTES: usize = 600;
 /// Maximum length of a message, characters.
 const MAX_MESSAGE: usize = 2000;
 
+/// "5, 17, 230 and 12 more": the first `max` of some names, for a message.
+pub fn first_of(names: impl ExactSizeIterator<Item = String>, max: usize) -> String {
+    let more = names.len().saturating_sub(max);
+    let named = names.take(max).collect::<Vec<_>>().join(", ");
+    if more == 0 { named } else { format!("{named} and {more} more") }
+}
+
 /// Shorten a quotation from a file for a message.
 pub fn excerpt(text: &str) -> String {
     cut(text, MAX_EXCERPT).into_owned()

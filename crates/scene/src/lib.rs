@@ -37,7 +37,7 @@ pub use asset::{
     Asset, Chunk, Placement, Provenance, SurroundingsStorage, Tile, UpAxis, UpDirection,
 };
 pub use bounds::Bounds;
-pub use error::{Error, Result, cut, excerpt};
+pub use error::{Error, Result, cut, excerpt, first_of};
 pub use face_sh::{FaceSh, MAX_SH_DEGREE, MAX_SH_PICTURE_SIDE};
 pub use floaters::Floaters;
 pub use imported_splats::ImportedSplats;
