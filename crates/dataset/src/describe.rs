@@ -1,7 +1,7 @@
 //! Figures of a data set, for `trisplat info`, and its files, which no command may overwrite.
 
 use super::colmap::{numbered, with_photos};
-use super::found::with_extension;
+use super::found::{is_json, with_extension};
 use super::posed::{Dataset, DatasetKind, Reprojection, View};
 use super::realityscan;
 use schemars::JsonSchema;
@@ -232,10 +232,6 @@ fn poses(folder: &Path) -> Vec<PathBuf> {
     let is_one =
         |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(named);
     input::entries(folder).filter(|path| is_one(path) && path.is_file()).collect()
-}
-
-fn is_json(file: &Path) -> bool {
-    file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
 }
 
 /// A JSON file; null if it cannot be read.

@@ -170,7 +170,8 @@ impl<'a> NamedFiles<'a> {
     }
 
     /// The path of the file `name`, which the list names at `place`: there, or else of the same
-    /// name, perhaps with another extension, in the folder or that of photos, or in any folder below.
+    /// name, perhaps with another extension, in the folder or that of photos, or in any folder
+    /// below.
     ///
     /// # Errors
     ///
@@ -292,7 +293,12 @@ pub(super) fn is_picture(path: &Path) -> bool {
     EXTENSIONS.iter().any(|known| ending.eq_ignore_ascii_case(known))
 }
 
-/// Why a label says two photos below `folder`, one of them at `path`; `None` where it says one.
+/// True for a name that ends like that of a JSON file.
+pub(super) fn is_json(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
+}
+
+/// The error of a label that several photos below `folder` have, one of them at `path`.
 pub(super) fn shared_label(folder: &Path, path: &Path) -> Option<String> {
     let label = Path::new(path.file_stem()?);
     match &pictures_below(folder).get(&label.to_string_lossy().to_lowercase())?[..] {
@@ -301,7 +307,7 @@ pub(super) fn shared_label(folder: &Path, path: &Path) -> Option<String> {
     }
 }
 
-/// Why the photo `name` may be any of these two.
+/// The reason that refuses the photo `name`, which may be any of these two.
 fn namesakes(name: &Path, first: &Path, second: &Path) -> String {
     format!(
         "`{}` is the name of several files, as {} and {}: give each photo a name of its own, in the program that found the \

@@ -7,7 +7,7 @@
 //! * Record3D: `metadata` has `poses`, a quaternion x y z w and a place for each picture of `rgb` (or
 //!   `rgbd`), and the lens: `K` by columns, or `perFrameIntrinsicCoeffs`.
 
-use super::found::FoundDataset;
+use super::found::{FoundDataset, is_json};
 use super::options::DatasetOptions;
 use super::posed::DatasetKind;
 use super::transforms::{FrameRow, TransformsList, quoted};
@@ -46,9 +46,7 @@ pub(super) fn locate_record3d(root: &Path) -> Option<PathBuf> {
 }
 
 fn json_files(folder: &Path) -> Vec<PathBuf> {
-    let is_json =
-        |path: &PathBuf| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"));
-    let mut files: Vec<PathBuf> = input::entries(folder).filter(is_json).collect();
+    let mut files: Vec<PathBuf> = input::entries(folder).filter(|path| is_json(path)).collect();
     files.sort();
     files
 }
