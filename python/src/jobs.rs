@@ -16,7 +16,8 @@ use trisplat_formats::output::OutputFormat;
 ///
 /// `page` is a page to write beside `output`; `work` the folder from which a stopped call goes on.
 /// `budget` is in CPU seconds; with `steps` instead, equal calls make equal bytes. `anyway` trains
-/// on photos that can hardly make a scene. All other keywords are options of the bake, as in `bake`.
+/// on photos that can hardly make a scene. All other keywords are options of the bake, as in
+/// `bake`.
 ///
 /// Raises FileExistsError for a file that exists, unless `force`; OSError, ValueError;
 /// KeyboardInterrupt.

@@ -119,8 +119,8 @@ fn soft_note(softness: &Softness, reshaped: Option<&ReshapeDetails>) -> String {
 /// Files, layers and the options of every stage.
 #[derive(Debug, clap::Args)]
 pub struct BakeArgs {
-    /// Files to bake, .ply .pt .off .obj .glb .gltf .html, or Gaussian splats, .ply .splat .spz .sog
-    /// .glb. Several files are merged; "-" is standard input. Gaussian splats are drawn, and
+    /// Files to bake, .ply .pt .off .obj .glb .gltf .html, or Gaussian splats, .ply .splat .spz
+    /// .sog .glb. Several files are merged; "-" is standard input. Gaussian splats are drawn, and
     /// triangles are trained on the pictures: about two minutes of CPU time, less with --preset
     /// fast, more with --harden. The folder of a plan whose blocks are trained is baked into tiles,
     /// block by block.

@@ -252,8 +252,8 @@ fn verdict(details: &TrainDetails, done: &MakeDone, args: &MakeArgs) -> Vec<Stri
     lines
 }
 
-/// Advice for a better scene: more time, if it was used up and time `helps`, and photos of the worst
-/// views.
+/// Advice for a better scene: more time, if it was used up and time `helps`, and photos of the
+/// worst views.
 fn next(
     details: &TrainDetails,
     photos: &[(&str, f64)],

@@ -61,8 +61,8 @@ fn over(asset: &Asset, object: &Soup, background: [f32; 3]) -> (f64, f64) {
     (psnr, f64::from(shards) / f64::from(beside))
 }
 
-/// The bake of a soup, trained solid for some steps on its own pictures. Fitting has tests of its own:
-/// without it, so few steps are worth keeping.
+/// The bake of a soup, trained solid for some steps on its own pictures. Fitting has tests of its
+/// own: without it, so few steps are worth keeping.
 fn hardened(soup: Soup, background: BackgroundFrom) -> Asset {
     let mut options = BakeOptions {
         background: BackgroundOptions { background },

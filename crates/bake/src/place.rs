@@ -83,7 +83,7 @@ impl PlaceOptions {
 
 trisplat_scene::default!(PlaceOptions);
 
-/// What tells which direction is up.
+/// Evidence for the up direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum UpBasis {
@@ -107,11 +107,11 @@ pub struct PlaceDetails {
     /// without cameras.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimate: Option<UpEstimate>,
-    /// What tells the direction.
+    /// Evidence for the direction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub basis: Option<UpBasis>,
-    /// The up direction by the largest nearly level surface, where only convention tells it and that
-    /// surface is tilted; not used.
+    /// The up direction by the largest nearly level surface, where only convention tells it and
+    /// that surface is tilted; not used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tilted_floor: Option<[f64; 3]>,
     /// Turn about the up axis, degrees.

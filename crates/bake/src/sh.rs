@@ -1,9 +1,10 @@
-//! View-dependent colours from the photos: spherical harmonics for each triangle, beside the colours
-//! that `refit` found, which stay as they are.
+//! View-dependent colours from the photos: spherical harmonics for each triangle, beside the
+//! colours that `refit` found, which stay as they are.
 //!
-//! Shine, and light that a surface shows from one side only, are missing in one colour per triangle.
-//! Harmonics of the direction are linear in their coefficients, so the best ones solve a small system
-//! per triangle, of the residuals that the photos have to the scene in its own colours:
+//! Shine, and light that a surface shows from one side only, are missing in one colour per
+//! triangle. Harmonics of the direction are linear in their coefficients, so the best ones solve a
+//! small system per triangle, of the residuals that the photos have to the scene in its own
+//! colours:
 //!
 //! ```text
 //! minimise Σ_pixels (photo - drawn - Σ_j c_j Y_j(direction))² + λ Σ_(j > 0) (c_j - m_j)²
@@ -123,7 +124,8 @@ const RIDGES: [f64; 6] = [0.25, 1.0, 4.0, 16.0, 64.0, 256.0];
 const CONSTANT: Regularization = Regularization { degree: 1, ridge: 1e12 };
 /// λ where no photo can be held out.
 const CAREFUL_RIDGE: f64 = 16.0;
-/// Larger residuals, sRGB-encoded, count as this: highlights reach it, passers-by do not lead beyond.
+/// Larger residuals, sRGB-encoded, count as this: highlights reach it, passers-by do not lead
+/// beyond.
 const MAX_RESIDUAL: f32 = 0.3;
 /// Minimum gain of held-out photos, dB, for `auto`: less is not worth the larger file.
 const MIN_GAIN: f64 = 0.15;
@@ -132,8 +134,8 @@ const MAX_EQUATION_BYTES: u64 = 2 << 30;
 /// Progress when all photos are summed up.
 const SUMMED_PART: f64 = 0.8;
 
-/// Fits harmonics for the faces of `mesh` before `behind` to `views`; those behind are surroundings.
-/// None where other options ask for what excludes them: `instead`.
+/// Fits harmonics for the faces of `mesh` before `behind` to `views`; those behind are
+/// surroundings. None where other options ask for what excludes them: `instead`.
 ///
 /// # Errors
 ///

@@ -1,5 +1,5 @@
-//! Finds the masks of photos, and refuses those that leave no pixel: nothing is learnt from black, and
-//! every drawing scores well.
+//! Finds the masks of photos, and refuses those that leave no pixel: nothing is learnt from black,
+//! and every drawing scores well.
 
 use super::found::{FoundDataset, is_picture};
 use super::options::{DatasetOptions, Masks};
@@ -50,8 +50,8 @@ fn lowercase(path: &Path) -> PathBuf {
     path.to_string_lossy().to_lowercase().into()
 }
 
-/// Refuses a data set whose masks leave nothing to train on, and leaves out held-out photos of which
-/// they leave nothing to score on.
+/// Refuses a data set whose masks leave nothing to train on, and leaves out held-out photos without
+/// a pixel to score on.
 ///
 /// # Errors
 ///
@@ -66,7 +66,7 @@ pub(super) fn check_masks(dataset: &mut Dataset) -> Result<()> {
             "the brightest pixel of a mask is {brightest}: 255 is kept, and 0 is masked"
         ));
     }
-    // What is cut out is empty there, which a drawing can get wrong.
+    // Photos of cut out objects are empty there, which a drawing can get wrong.
     let held_out: Vec<&View> =
         dataset.test().filter(|view| view.photo.mask.is_some() && !view.photo.is_cut()).collect();
     let weights = parallel::map(&held_out, |_, view| brightest_weight(view));

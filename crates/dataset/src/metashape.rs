@@ -1,9 +1,9 @@
 //! Metashape's `cameras.xml` (File > Export > Export Cameras): sensors, photos by label, and the
 //! places of the chunk or of its components.
 //!
-//! Poses are camera to component with our axes (x right, y down, z forward), and the component's, or
-//! where it has none the chunk's, are in the world: scale · R p + t. Of a sensor's numbers, cx and cy are from the middle of the photo, p1
-//! and p2 in the order opposite to OpenCV's:
+//! Poses are camera to component with our axes (x right, y down, z forward), and the component's,
+//! or where it has none the chunk's, are in the world: scale · R p + t. Of a sensor's numbers, cx
+//! and cy are from the middle of the photo, p1 and p2 in the order opposite to OpenCV's:
 //!
 //! ```text
 //! u = w / 2 + cx + x' (f + b1) + y' b2        v = h / 2 + cy + y' f

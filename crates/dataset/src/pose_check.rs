@@ -1,5 +1,5 @@
-//! Checks cameras against the points, and names the usual mistakes of those who write poses: axes of
-//! another program, and matrices of the other direction.
+//! Checks cameras against the points, and names the usual mistakes of those who write poses: axes
+//! of another program, and matrices of the other direction.
 
 use super::posed::{Dataset, DatasetKind};
 use glam::{DMat3, DVec3};

@@ -139,7 +139,8 @@ pub(super) fn number<T: FromStr>(word: &str) -> Result<T, String> {
     parsed.ok_or_else(|| format!("{:?} is not a number", excerpt(word)))
 }
 
-/// The usual spelling of a number that is none, as C and its runtime libraries print it: `nan(ind)`,
+/// The usual spelling of a number that is none, as C and its runtime libraries print it:
+/// `nan(ind)`,
 /// `-nan(0x400)`, `1.#QNAN`, `-1.#IND00`, `1.#INF`.
 pub(super) fn not_finite(word: &str) -> Option<&'static str> {
     let word = word.trim_start_matches(['+', '-']).to_ascii_lowercase();

@@ -105,8 +105,8 @@ pub enum Event<'a> {
         /// Pictures in all.
         all: usize,
     },
-    /// A bake with at most `triangles` begins, which are expected to fit `limit` bytes. Only emitted
-    /// when a byte limit is set.
+    /// A bake with at most `triangles` begins, which are expected to fit `limit` bytes. Only
+    /// emitted when a byte limit is set.
     SizeLimit {
         /// Bytes.
         limit: u64,

@@ -23,7 +23,7 @@ const FAIR_UNSUPPORTED: f64 = 0.1;
 /// ... and at most rough.
 const ROUGH_UNSUPPORTED: f64 = 0.2;
 
-/// How a scene looks beside its photos.
+/// Likeness of a scene to its photos.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
 )]
@@ -50,7 +50,7 @@ impl Grade {
         }
     }
 
-    /// What the word means.
+    /// The meaning of the word.
     pub fn meaning(self) -> &'static str {
         match self {
             Self::Good => "like the photos",

@@ -377,8 +377,8 @@ impl MakeJob {
         }
     }
 
-    /// Score the file on the held-out photos as `trisplat eval` does. `judged` gets the PSNR of pixels
-    /// that two training photos show.
+    /// Score the file on the held-out photos as `trisplat eval` does. `judged` gets the PSNR of
+    /// pixels that two training photos show.
     fn score(
         &self,
         photos: &Dataset,

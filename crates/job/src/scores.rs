@@ -194,8 +194,8 @@ fn straight(black: &RgbImage, white: &RgbImage) -> RgbImage {
     RgbImage { alpha: Some(alpha), ..black.clone() }.unpremultiplied()
 }
 
-/// Scores drawings of held-out photos only in pixels that at least two training photos show, because
-/// fewer leave depth unknown.
+/// Scores drawings of held-out photos only in pixels that at least two training photos show,
+/// because fewer leave depth unknown.
 pub(super) struct SharedPixels<'a> {
     mesh: Mesh,
     options: SolidRasterOptions,

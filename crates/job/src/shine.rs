@@ -27,8 +27,8 @@ pub struct ShineScores {
     pub largest: f64,
 }
 
-/// The change of the colours of `mesh`, in the data set's frame; `None` without spherical harmonics,
-/// or where nothing is seen.
+/// The change of the colours of `mesh`, in the data set's frame; `None` without spherical
+/// harmonics, or where nothing is seen.
 pub(super) fn shine(mesh: &Mesh, near: f32, dataset: &Dataset) -> Option<ShineScores> {
     mesh.sh.as_ref()?;
     let cameras: Vec<Camera> = dataset.train().map(|view| view.camera).collect();

@@ -42,9 +42,9 @@ pub(super) struct BakeStart<'a> {
     pub(super) report: &'a Report,
 }
 
-/// Search the bake with the most triangles whose files, all of `output` together, take at most `limit`
-/// bytes. The bytes of real files are counted: first of a scene baked without pictures, then of the
-/// bake itself, which may be repeated.
+/// Search the bake with the most triangles whose files, all of `output` together, take at most
+/// `limit` bytes. The bytes of real files are counted: first of a scene baked without pictures,
+/// then of the bake itself, which may be repeated.
 ///
 /// # Errors
 ///

@@ -117,7 +117,8 @@ impl TrainJob {
         }
     }
 
-    /// Sets the CPU budget to `share` of `cpu_time`, or fixes the step count for reproducible output.
+    /// Sets the CPU budget to `share` of `cpu_time`, or fixes the step count for reproducible
+    /// output.
     pub(super) fn limit(&mut self, cpu_time: Option<Seconds>, share: f64) {
         match cpu_time {
             Some(time) => {
@@ -357,7 +358,8 @@ impl TrainJob {
         Spending::of_process(self.budget.map(|budget| budget.clock).unwrap_or_default(), began)
     }
 
-    /// Measures the machine and chooses steps, triangles and the size of photos, within `step_limit`.
+    /// Measures the machine and chooses steps, triangles and the size of photos, within
+    /// `step_limit`.
     ///
     /// # Errors
     ///

@@ -6,9 +6,9 @@ use crate::soup::sh_count;
 /// Largest degree of the harmonics.
 pub const MAX_SH_DEGREE: u8 = 3;
 
-/// Spherical harmonics of every face. The colour of a corner that is seen in the unit direction `d`,
-/// from the camera to the corner, is its own colour, sRGB-encoded, plus Σ_j c_j Y_j(d), bounded to 0
-/// to 1. The Y are those of 3D Gaussian splatting, in its order.
+/// Spherical harmonics of every face. The colour of a corner that is seen in the unit direction
+/// `d`, from the camera to the corner, is its own colour, sRGB-encoded, plus Σ_j c_j Y_j(d),
+/// bounded to 0 to 1. The Y are those of 3D Gaussian splatting, in its order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FaceSh {
     degree: u8,
@@ -115,8 +115,8 @@ impl FaceSh {
         }
     }
 
-    /// The coefficients of `faces` faces. Ranges start at the face beside them, the other faces have
-    /// zeros. `None` without ranges.
+    /// The coefficients of `faces` faces. Ranges start at the face beside them, the other faces
+    /// have zeros. `None` without ranges.
     pub fn of_ranges(ranges: Vec<(usize, FaceSh)>, faces: usize) -> Option<FaceSh> {
         let degree = ranges.iter().map(|(_, sh)| sh.degree).max()?;
         let mut all = Self::zeros(degree, faces);
@@ -129,7 +129,8 @@ impl FaceSh {
         Some(all)
     }
 
-    /// The coefficients of `first`, a number of faces, followed by `second`; `None` if neither has any.
+    /// The coefficients of `first`, a number of faces, followed by `second`; `None` if neither has
+    /// any.
     pub(crate) fn joined(
         first: (Option<FaceSh>, usize),
         second: (Option<&FaceSh>, usize),

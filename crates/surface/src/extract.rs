@@ -177,8 +177,8 @@ fn fused(
 #[serde(deny_unknown_fields, default)]
 pub struct CollisionOptions {
     /// Make a surface of few triangles to collide with: for Godot a node that it does not draw, for
-    /// others a file OUT.collision.glb. Of a soup it covers the view of the cameras of --dataset, or
-    /// of the scene; a mesh whose triangles share edges is simplified and stays closed
+    /// others a file OUT.collision.glb. Of a soup it covers the view of the cameras of --dataset,
+    /// or of the scene; a mesh whose triangles share edges is simplified and stays closed
     #[cfg_attr(feature = "cli", arg(long))]
     pub collision: bool,
     /// Maximum number of triangles of that surface: 4000 of a soup, an eighth of a mesh whose

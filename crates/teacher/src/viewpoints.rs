@@ -39,8 +39,8 @@ pub struct Viewpoints {
 }
 
 impl Viewpoints {
-    /// Viewpoints of `scene`: all stored cameras, with others between them up to `max_bytes` of 8-bit
-    /// pictures, or chosen ones. `None` without stored cameras and without visible triangles.
+    /// Viewpoints of `scene`: all stored cameras, with others between them up to `max_bytes` of
+    /// 8-bit pictures, or chosen ones. `None` without stored cameras and without visible triangles.
     pub fn of(scene: &ImportedScene, max_bytes: u64) -> Option<Self> {
         if scene.cameras.is_empty() {
             Search::new(scene, false)?.viewpoints(PICTURES)
@@ -49,10 +49,10 @@ impl Viewpoints {
         }
     }
 
-    /// Viewpoints of Gaussians, the most telling first: all `stored` cameras, or chosen ones; `stand_in`
-    /// has triangles in the place of the Gaussians. Around an object `count` cameras are chosen,
-    /// which look at it from all sides, from below too, and have pictures of `longer_px` that it
-    /// fills. `None` where nothing is seen.
+    /// Viewpoints of Gaussians, the most telling first: all `stored` cameras, or chosen ones;
+    /// `stand_in` has triangles in the place of the Gaussians. Around an object `count` cameras are
+    /// chosen, which look at it from all sides, from below too, and have pictures of `longer_px`
+    /// that it fills. `None` where nothing is seen.
     pub fn of_splats(
         splats: &Splats,
         stand_in: &ImportedScene,

@@ -90,8 +90,8 @@ impl CheckpointMeta {
 ///
 /// # Errors
 ///
-/// A file that the operating system refuses; numbers that are not finite, because no run can continue from
-/// these.
+/// A file that the operating system refuses; numbers that are not finite, because no run can
+/// continue from these.
 pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
     let unwritable =
         |e: &dyn std::fmt::Display| Error::invalid("checkpoint", e, "numbers JSON can hold");
@@ -182,7 +182,8 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
     })
 }
 
-/// True for a file that begins as checkpoints of this program do; false for one that cannot be read.
+/// True for a file that begins as checkpoints of this program do; false for one that cannot be
+/// read.
 pub fn is_checkpoint(path: &Path) -> bool {
     let mut start = Vec::new();
     let is_file = path.is_file();

@@ -82,8 +82,8 @@ impl Gatherer {
         error.map(|e| (e / f64::max(pixels, 1.0)) as f32)
     }
 
-    /// Gives `on_sums` the sums of each face that a photo shows, whose colours are those of `fit`. A
-    /// face at the border of two bands of rows has sums of each.
+    /// Gives `on_sums` the sums of each face that a photo shows, whose colours are those of `fit`.
+    /// A face at the border of two bands of rows has sums of each.
     pub(crate) fn for_each_face(
         &mut self,
         observation: &PhotoObservation<'_>,

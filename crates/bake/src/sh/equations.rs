@@ -1,9 +1,9 @@
 //! Normal equations of a face's harmonics, and the coefficients that solve them.
 //!
 //! A photo that shows a face with the barycentric weights b of its corners has the residual
-//! Σ_j c_j y_j there, with y_j = Σ_k b_k Y_j(d_k) and d_k the direction to corner k. So the sums over
-//! pixels of b_k b_l and of b_k times the residual, which the fit of colours needs as well, give the
-//! equations of all c_j: Σ y yᵀ and Σ y r.
+//! Σ_j c_j y_j there, with y_j = Σ_k b_k Y_j(d_k) and d_k the direction to corner k. So the sums
+//! over pixels of b_k b_l and of b_k times the residual, which the fit of colours needs as well,
+//! give the equations of all c_j: Σ y yᵀ and Σ y r.
 
 use crate::refit::Equations;
 use rayon::prelude::*;
@@ -174,7 +174,8 @@ impl ShEquations {
         all.solve(how, &[[0.0; 3]; MAX_COEFFICIENTS])
     }
 
-    /// By how much these coefficients lower the sum of squared residuals of the photos of `self`, px.
+    /// By how much these coefficients lower the sum of squared residuals of the photos of `self`,
+    /// px.
     /// `[F * (degree + 1)²][channel]`
     pub(super) fn gain(&self, degree: u8, coefficients: &[[f32; 3]]) -> f64 {
         let width = sh_count(degree);

@@ -18,7 +18,7 @@ pub(super) enum FileKind {
     /// HEIC or AVIF, which another program reads.
     Heic,
     Video,
-    /// What a camera's chip saw, which is not read.
+    /// A camera's raw picture, which is not read.
     Raw,
     Other,
 }

@@ -192,8 +192,8 @@ impl Program {
         words.command
     }
 
-    /// The command that puts poses together, all at once or photo by photo; with `straight` the lens
-    /// keeps straight lines straight.
+    /// The command that puts poses together, all at once or photo by photo; with `straight` the
+    /// lens keeps straight lines straight.
     pub(super) fn model(
         &self,
         places: &Places,

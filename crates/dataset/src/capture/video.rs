@@ -31,7 +31,7 @@ const HDR: [(&str, &str); 2] = [("arib-std-b67", "HLG"), ("smpte2084", "PQ")];
 /// brighter than four fifths of it is compressed.
 const TONE_MAP: &str = "zscale=t=linear:npl=203,format=gbrpf32le,zscale=p=bt709,tonemap=tonemap=mobius:param=0.8:desat=0,\
      zscale=t=bt709:m=bt709:r=tv,format=yuv420p";
-/// To square pixels, of which no side has fewer.
+/// Filter to square pixels; neither side gets fewer.
 const SQUARE: &str =
     "scale='if(gt(sar,1),round(iw*sar),iw)':'if(gt(sar,1),ih,round(ih/sar))',setsar=1";
 

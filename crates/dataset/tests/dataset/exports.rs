@@ -308,7 +308,8 @@ fn raw_exports_of_record3d_are_read() {
     std::fs::write(at("metadata"), text(&poses[..5], k)).unwrap();
     let error = error_of(folder.path());
     assert!(error.contains("are 5, and rgb holds 6 pictures"), "{error}");
-    // Numbered pictures in another order than that of their names, each with its lens; lost tracking.
+    // Numbered pictures in another order than that of their names, each with its lens; lost
+    // tracking.
     std::fs::remove_file(at("metadata")).unwrap();
     for (i, view) in views.iter().enumerate() {
         std::fs::rename(at("rgb").join(&view.name), at("rgb").join(format!("{}.png", 10 * i)))

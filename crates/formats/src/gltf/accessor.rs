@@ -428,8 +428,8 @@ pub(crate) fn paint(
     warnings
 }
 
-/// The spherical harmonics of the faces of a primitive, at the texels of their first corners, or why
-/// there are none. `corner` maps a corner to its vertex in the primitive.
+/// The spherical harmonics of the faces of a primitive, at the texels of their first corners, or
+/// why there are none. `corner` maps a corner to its vertex in the primitive.
 pub(crate) fn harmonics(
     document: &GltfDocument,
     accessors: &mut Accessors,

@@ -8,9 +8,10 @@
 //! extras             {"trisplat_sh": {"degree", "scale"}}
 //! ```
 //!
-//! The colour of a corner is its COLOR_0, sRGB-encoded, plus Σ_j c_j Y_j(d), bounded to 0 to 1, with d
-//! from the camera to the corner in the frame of the file: see [`FaceSh`] and docs/formats.md. The
-//! picture is found by coordinates alone, because importers order vertices and flip pictures anew.
+//! The colour of a corner is its COLOR_0, sRGB-encoded, plus Σ_j c_j Y_j(d), bounded to 0 to 1,
+//! with d from the camera to the corner in the frame of the file: see [`FaceSh`] and
+//! docs/formats.md. The picture is found by coordinates alone, because importers order vertices and
+//! flip pictures anew.
 
 use glam::{UVec2, Vec2};
 use schemars::JsonSchema;
@@ -50,8 +51,8 @@ pub(crate) struct ShLayout {
 }
 
 impl ShLayout {
-    /// For the first `faces` triangles, in the smallest picture whose sides are powers of two, which
-    /// every engine takes as it is.
+    /// For the first `faces` triangles, in the smallest picture whose sides are powers of two,
+    /// which every engine takes as it is.
     ///
     /// # Errors
     ///

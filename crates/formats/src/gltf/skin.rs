@@ -82,7 +82,7 @@ pub(crate) fn vertex_transforms(
         attributes.joints.zip(attributes.weights),
         attributes.more_joints.zip(attributes.more_weights),
     ];
-    let mut transforms = vec![DMat4::ZERO; 0];
+    let mut transforms: Vec<DMat4> = Vec::new();
     for (numbers, weights) in sets.into_iter().flatten() {
         let layouts = [accessors.layout(numbers)?, accessors.layout(weights)?];
         if layouts.iter().any(|layout| layout.width != 4 || layout.count != count as u64) {

@@ -1,5 +1,5 @@
-//! Kinds of Gaussians beside those of 3DGS, told by the names of their columns: refused with the way
-//! to plain ones, or read with a warning about what is lost.
+//! Kinds of Gaussians beside those of 3DGS, told by the names of their columns: refused with the
+//! way to plain ones, or read with a warning about what is lost.
 
 use std::path::Path;
 use trisplat_scene::report::counted;
@@ -8,8 +8,8 @@ use trisplat_scene::{Error, excerpt, input};
 /// Maximum number of columns that a warning names.
 const MAX_NAMED: usize = 6;
 
-/// Beginnings of the names of columns for motion, or for an appearance in time: Spacetime Gaussians,
-/// 4D rotors and 4D Gaussians, dynamic Gaussians with velocities.
+/// Beginnings of the names of columns for motion, or for an appearance in time: Spacetime
+/// Gaussians, 4D rotors and 4D Gaussians, dynamic Gaussians with velocities.
 const MOVING: [&str; 12] = [
     "trbf_", "motion_", "omega_", "rot_r_", "scale_t", "t_scale", "t_center", "time", "velocity",
     "vel_", "lifetime", "deform",

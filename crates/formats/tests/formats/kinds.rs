@@ -1,5 +1,5 @@
-//! Files that are no plain scene: pointers of git-lfs, lists, states of trainings, Gaussians of other
-//! kinds; and the up axis of programs.
+//! Files that are no plain scene: pointers of git-lfs, lists, states of trainings, Gaussians of
+//! other kinds; and the up axis of programs.
 
 use super::files::source;
 use std::path::Path;

@@ -81,9 +81,9 @@ pub fn basis<R: Real>(degree: u8, v: V3<R>) -> [R; MAX_COEFFICIENTS] {
     out
 }
 
-/// The coefficients of turned harmonics, up to degree 3: `turned` of them in a direction is `own` of
-/// them in the direction before `rotation`. Coefficients of a degree mix only with each other, so
-/// each degree is solved for as many directions as it has coefficients.
+/// The coefficients of turned harmonics, up to degree 3: `turned` of them in a direction is `own`
+/// of them in the direction before `rotation`. Coefficients of a degree mix only with each other,
+/// so each degree is solved for as many directions as it has coefficients.
 pub struct ShRotation {
     /// Of degree 1, 2 and 3. `[2l + 1][2l + 1]`
     degrees: [Vec<Vec<f64>>; 3],

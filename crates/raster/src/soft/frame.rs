@@ -53,8 +53,8 @@ pub struct SoftOptions {
     /// Inradius from which a triangle has its full opacity, px; smaller ones fade smoothly; 0 never
     /// fades.
     pub fade_px: f32,
-    /// Minimum ratio at which ∂I/∂ratio is evaluated, which limits the steepness of the window; 0 is
-    /// exact.
+    /// Minimum ratio at which ∂I/∂ratio is evaluated, which limits the steepness of the window; 0
+    /// is exact.
     pub min_ratio: f32,
     /// Draw depth, normal and distortion too.
     pub geometry: bool,
