@@ -17,14 +17,19 @@ vec3 shCoefficient(int j, int degree) {
 }
 vec3 shColor(vec3 linear, vec3 d) {
   float x = d.x, y = d.y, z = d.z, xx = x * x, yy = y * y, zz = z * z;
-  float basis[16] = float[16](0.28209479, -0.48860251 * y, 0.48860251 * z, -0.48860251 * x,
-    1.09254843 * x * y, -1.09254843 * y * z, 0.31539157 * (2.0 * zz - xx - yy), -1.09254843 * x * z, 0.54627422 * (xx - yy),
-    -0.59004359 * y * (3.0 * xx - yy), 2.89061144 * x * y * z, -0.45704580 * y * (4.0 * zz - xx - yy),
-    0.37317633 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy), -0.45704580 * x * (4.0 * zz - xx - yy), 1.44530572 * z * (xx - yy),
-    -0.59004359 * x * (xx - 3.0 * yy));
-  vec3 color = shEncode(linear);
-  for (int degree = 0; degree <= SH_DEGREE; degree++)
-    for (int j = degree * degree; j < (degree + 1) * (degree + 1); j++) color += basis[j] * shCoefficient(j, degree);
+  // Unrolled: an array of harmonics takes a tenth of the frame in software.
+  vec3 color = shEncode(linear) + 0.28209479 * shCoefficient(0, 0)
+    + 0.48860251 * (z * shCoefficient(2, 1) - y * shCoefficient(1, 1) - x * shCoefficient(3, 1));
+#if SH_DEGREE > 1
+  color += 1.09254843 * (x * y * shCoefficient(4, 2) - y * z * shCoefficient(5, 2) - x * z * shCoefficient(7, 2))
+    + 0.31539157 * (2.0 * zz - xx - yy) * shCoefficient(6, 2) + 0.54627422 * (xx - yy) * shCoefficient(8, 2);
+#endif
+#if SH_DEGREE > 2
+  color += 2.89061144 * x * y * z * shCoefficient(10, 3) + 1.44530572 * z * (xx - yy) * shCoefficient(14, 3)
+    + 0.37317633 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy) * shCoefficient(12, 3)
+    - 0.59004359 * (y * (3.0 * xx - yy) * shCoefficient(9, 3) + x * (xx - 3.0 * yy) * shCoefficient(15, 3))
+    - 0.45704580 * (4.0 * zz - xx - yy) * (y * shCoefficient(11, 3) + x * shCoefficient(13, 3));
+#endif
   return shDecode(clamp(color, 0.0, 1.0));
 }`;
 
