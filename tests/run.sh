@@ -25,6 +25,8 @@ PYCOLMAP=4.2.1
 BPY=4.2.21
 BPY_NEWEST=5.0.1
 USD=26.11
+GLTFPACK=1.3.0
+GLTF_TRANSFORM=4.5.1
 judges=target/judges
 python=$judges/venv/bin/python
 
@@ -76,6 +78,11 @@ section 'Khronos glTF validator'
 judge gltf-validator "$VALIDATOR" || fail 'npm could not install gltf-validator'
 echo "gltf-validator $VALIDATOR"
 
+section 'programs that rewrite glTF files'
+judge gltfpack "$GLTFPACK" || fail 'npm could not install gltfpack'
+judge @gltf-transform/cli "$GLTF_TRANSFORM" || fail 'npm could not install @gltf-transform/cli'
+echo "gltfpack $GLTFPACK, glTF-Transform $GLTF_TRANSFORM"
+
 section 'trimesh, Open3D and jsonschema'
 # Open3D has a build without CUDA for x86-64 Linux only.
 open3d=open3d
@@ -101,7 +108,7 @@ fi
 echo "$wanted"
 
 section 'packages of the page'
-required=gltf-validator,trimesh,open3d,page
+required=gltf-validator,gltfpack,gltf-transform,trimesh,open3d,page
 if ! cmp -s page/package-lock.json "$judges/page/package-lock.json"; then
     rm -rf "$judges/page"
     mkdir -p "$judges/page"

@@ -1,8 +1,9 @@
 //! Files with view-dependent colours, read by others: the validator, the decoder in Python that
-//! docs/formats.md names, and the samples for Babylon.js and Blender.
+//! docs/formats.md names, the samples for Babylon.js, Blender and Godot, and programs that rewrite
+//! files.
 
 use super::browser::chromium;
-use super::engines::open_page_sample;
+use super::engines::{open_page_sample, sample};
 use super::{assert_valid, bake, have, here, python, runs, validator};
 use glam::{UVec2, Vec3};
 use serde_json::json;
@@ -58,6 +59,52 @@ fn python_decodes_harmonics_as_we_do() {
     }
 }
 
+/// Runs a program of the judges that turns `scene` into `out`.
+fn rewrite(program: &str, words: &[&str], folder: &Path) {
+    let program = here("target/judges/node_modules/.bin").join(program);
+    let done = runs(Command::new(program).args(words).current_dir(folder));
+    assert!(done.status.success(), "{words:?}: {}", String::from_utf8_lossy(&done.stderr));
+}
+
+/// Draws a file that was made of `scene` from its viewpoint, and compares.
+fn assert_rewritten(scene: &Path, rewritten: &str) {
+    let folder = scene.parent().unwrap();
+    let read = |path: &Path| formats::read(path, &ReadOptions::default()).unwrap();
+    let size = UVec2::new(480, 360);
+    let camera = read(scene).provenance.viewpoint.unwrap().camera(size);
+    let Scene::Mesh(mesh) = read(&folder.join(rewritten)).scene else { panic!("no mesh") };
+    let options = SolidRasterOptions { samples: 4, ..SolidRasterOptions::default() };
+    let drawn = SolidRasterizer::new().render(&mesh, &camera, &options);
+    let picture = folder.join(rewritten).with_extension("png");
+    drawn.save_png(&picture).unwrap();
+    assert_drawn_as_we_do(scene, &picture, size);
+}
+
+#[test]
+fn gltfpack_keeps_harmonics() {
+    if !have("gltfpack", here("target/judges/node_modules/gltfpack").exists()) {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let (scene, _) = shiny(folder.path(), "scene.glb");
+    let files = ["-i", "scene.glb", "-o", "packed.glb"];
+    for flags in [&["-ke", "-noq", "-vc", "16"][..], &["-ke", "-vtf", "-vp", "16", "-cc"]] {
+        rewrite("gltfpack", &[&files, flags].concat(), folder.path());
+        assert_rewritten(&scene, "packed.glb");
+    }
+}
+
+#[test]
+fn gltf_transform_keeps_harmonics() {
+    if !have("gltf-transform", here("target/judges/node_modules/@gltf-transform/cli").exists()) {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let (scene, _) = shiny(folder.path(), "scene.glb");
+    rewrite("gltf-transform", &["optimize", "scene.glb", "optimized.glb"], folder.path());
+    assert_rewritten(&scene, "optimized.glb");
+}
+
 /// Pictures of a scene by an engine, and of our renderer with harmonics and without, as a camera
 /// at its viewpoint sees them.
 fn assert_drawn_as_we_do(scene: &Path, picture: &Path, size: UVec2) {
@@ -90,6 +137,14 @@ fn assert_drawn_as_we_do(scene: &Path, picture: &Path, size: UVec2) {
     assert!(with < 1.0 && with < 0.7 * without, "{with} with harmonics, {without} without");
 }
 
+/// Writes the view from a scene's viewpoint as the scripts of the samples read it.
+fn write_view(path: &Path, scene: &Path, size: UVec2, picture: &Path) {
+    let loaded = formats::read(scene, &ReadOptions::default()).unwrap();
+    let viewpoint = loaded.provenance.viewpoint.unwrap();
+    let view = json!([{ "size": size.to_array(), "fov": viewpoint.fov, "eye": viewpoint.eye, "target": viewpoint.target, "out": picture }]);
+    std::fs::write(path, view.to_string()).unwrap();
+}
+
 #[test]
 fn babylon_draws_harmonics_as_we_do() {
     let Some(chromium) = chromium() else { return };
@@ -103,12 +158,9 @@ fn babylon_draws_harmonics_as_we_do() {
     }
     let (scene, _) = shiny(folder.path(), "scene.glb");
     let size = UVec2::new(480, 360);
-    let viewpoint = formats::read(&scene, &ReadOptions::default()).unwrap().provenance.viewpoint;
-    let viewpoint = viewpoint.unwrap();
     let picture = folder.path().join("babylon.png");
-    let view = json!([{ "size": size.to_array(), "fov": viewpoint.fov, "eye": viewpoint.eye, "target": viewpoint.target, "out": picture }]);
     let views = folder.path().join("views.json");
-    std::fs::write(&views, view.to_string()).unwrap();
+    write_view(&views, &scene, size, &picture);
     let said = open_page_sample(&chromium, folder.path(), Some(&views));
     assert_eq!(said["errors"], json!([]), "{said}");
     assert_drawn_as_we_do(&scene, &picture, size);
@@ -130,4 +182,30 @@ fn blender_draws_harmonics_as_we_do() {
     let done = runs(blender.args([&scene, &picture]).args(size.to_array().map(|x| x.to_string())));
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     assert_drawn_as_we_do(&scene, &picture, size);
+}
+
+#[test]
+fn godot_draws_harmonics_as_we_do() {
+    let judges = ["godot4", "godot4-screen"].map(|judge| here("target/judges").join(judge));
+    if !have("godot4-screen", judges[1].exists()) {
+        return;
+    }
+    let photos = here("samples/dataset").display().to_string();
+    let folder = sample("godot4", &["--target", "godot", "--dataset", &photos, "--sh", "2"]);
+    let at = |name: &str| folder.path().join(name);
+    let mut import = std::fs::read_to_string(at("scene.glb.import")).unwrap();
+    import += "\nimport_script/path=\"res://sh_import.gd\"\n";
+    std::fs::write(at("scene.glb.import"), import).unwrap();
+    let size = UVec2::new(480, 360);
+    write_view(&at("views.json"), &at("scene.glb"), size, Path::new("picture.png"));
+    std::fs::copy(here("tests/judges/godot4/sky.gd"), at("sky.gd")).unwrap();
+    runs(Command::new(&judges[0]).arg(folder.path()).arg("--import"));
+    for renderer in ["forward_plus", "gl_compatibility"] {
+        let mut draw = Command::new(&judges[1]);
+        draw.arg(folder.path()).args(["--rendering-method", renderer, "--script", "sky.gd"]);
+        let done = runs(draw.args(["--resolution", &format!("{}x{}", size.x, size.y)]));
+        let said = String::from_utf8_lossy(&done.stdout).into_owned();
+        assert!(said.contains("sky false") && !said.contains("ERROR"), "{said}");
+        assert_drawn_as_we_do(&at("scene.glb"), &at("picture.png"), size);
+    }
 }
