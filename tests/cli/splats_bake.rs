@@ -163,6 +163,29 @@ fn what_floats_around_a_ball_changes_nothing_but_a_warning() {
     looks_like_the_ball(folder, "floating.glb", FLOORS[0]);
 }
 
+/// A floor under the ball, which no picture of the Gaussians shows.
+#[test]
+fn mesh_beside_gaussians_stays_as_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    ball(folder);
+    let floor = "ply\nformat ascii 1.0\ncomment y down\nelement vertex 4\nproperty float x\nproperty float y\n\
+                 property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nelement face 1\n\
+                 property list uchar int vertex_indices\nend_header\n-3 1.5 -3 9 200 9\n3 1.5 -3 9 200 9\n\
+                 3 1.5 3 9 200 9\n-3 1.5 3 9 200 9\n4 0 1 2 3\n";
+    std::fs::write(folder.join("floor.ply"), floor).unwrap();
+    let bake = ["bake", "ball.ply", "floor.ply", "-o", "both.obj", "--up=-y", "--harden=50"];
+    run(folder, 2, &[&bake[..], &["--preset", "fast", "--max-triangles", "1000"]].concat());
+    let text = std::fs::read_to_string(folder.join("both.obj")).unwrap();
+    let green = |line: &&str| {
+        let numbers: Vec<f32> = line.split(' ').skip(1).filter_map(|w| w.parse().ok()).collect();
+        line.starts_with("v ") && numbers.len() == 6 && numbers[4] > 5.0 * numbers[3]
+    };
+    let corners: Vec<&str> = text.lines().filter(green).collect();
+    assert!(corners.len() >= 4, "{corners:?}");
+    assert!(text.lines().filter(|line| line.starts_with("f ")).count() > 200);
+}
+
 #[test]
 fn gaussians_that_cannot_be_baked_say_why() {
     let folder = tempfile::tempdir().unwrap();
@@ -171,7 +194,7 @@ fn gaussians_that_cannot_be_baked_say_why() {
     fails(
         folder.path(),
         &[&"bake", &file, &file, &"-o", &glb],
-        &["ball.ply", "baked alone", "merge"],
+        &["ball.ply", "like an input before it", "merge"],
     );
     // Nothing is seen of Gaussians that are points.
     let text = std::fs::read_to_string(&file).unwrap().replace(" -3.1 -3.1 -5.8 ", " -99 -99 -99 ");

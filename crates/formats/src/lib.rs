@@ -29,7 +29,7 @@ pub use format::{Format, foreign_json};
 pub use output::OutputOptions;
 pub use read::{
     Content, WrittenFiles, holds_splats, named_files, read, read_bytes, read_content,
-    read_content_bytes, write,
+    read_content_bytes, read_contents, write,
 };
 pub use source::{ReadOptions, Source, unzipped_sog};
 pub use splats::cameras::read_cameras;

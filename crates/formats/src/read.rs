@@ -174,6 +174,27 @@ pub fn read_content(path: &Path, options: &ReadOptions) -> Result<Content> {
     }
 }
 
+/// All contents of the file at `path`: as of [`read_content`], then the Gaussians beside the
+/// triangles of a glTF file. Standard input is read once, for one of them.
+///
+/// # Errors
+/// As of [`read_content`].
+pub fn read_contents(path: &Path, options: &ReadOptions) -> Result<Vec<Content>> {
+    let mut contents = vec![read_content(path, options)?];
+    if path.as_os_str() == "-" {
+        return Ok(contents);
+    }
+    let mut source = Source::open(path, &options.limits)?;
+    let format = Format::detect(&source.head()?, &source.named());
+    if let Some(format @ (Format::Glb | Format::Gltf)) = format
+        && gltf::holds_splats_beside_mesh(&mut source, &options.limits)?
+    {
+        let options = ReadOptions { sh_degree: 3, ..*options };
+        contents.push(read_splats(format, source, &options).map(Content::Splats)?);
+    }
+    Ok(contents)
+}
+
 /// The triangles or Gaussians in the bytes of a file.
 ///
 /// # Errors

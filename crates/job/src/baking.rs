@@ -82,9 +82,10 @@ pub struct BakeJob {
 }
 
 /// Content of the inputs.
-enum InputContent {
-    Scenes(Vec<ImportedScene>),
-    Splats(Box<ImportedSplats>),
+struct InputContent {
+    scenes: Vec<ImportedScene>,
+    /// Gaussians, of one input at most.
+    splats: Option<ImportedSplats>,
 }
 
 /// The scene to bake, and the photos or pictures that the bake may use.
@@ -263,10 +264,10 @@ impl BakeJob {
     fn scenes(&self, report: &mut Report, observer: Observer<'_>) -> Result<Scenes> {
         let reading = &self.dataset_options;
         let views = self.photos.as_ref().map(|photos| Views::new(photos, reading));
-        let inputs = match self.read()? {
-            InputContent::Scenes(scenes) => scenes,
-            InputContent::Splats(splats) => return self.solid_of(*splats, views, report, observer),
-        };
+        let InputContent { scenes: inputs, splats } = self.read()?;
+        if let Some(splats) = splats {
+            return self.solid_of(splats, inputs, views, report, observer);
+        }
         let Some(steps) = self.harden else {
             return Ok(Scenes { scenes: inputs, views, background: None });
         };
@@ -299,10 +300,11 @@ impl BakeJob {
         })
     }
 
-    /// The solid scene of Gaussians. Making it is a stage of `report`.
+    /// The solid scene of Gaussians, and the other inputs. Making it is a stage of `report`.
     fn solid_of(
         &self,
         splats: ImportedSplats,
+        others: Vec<ImportedScene>,
         views: Option<Views>,
         report: &mut Report,
         observer: Observer<'_>,
@@ -314,7 +316,10 @@ impl BakeJob {
         let solid =
             gaussians::solid((self.path(), splats), photos, reading, amount, report, observer)?;
         add(solid.stage, report, observer);
-        Ok(Scenes { scenes: vec![solid.scene], views: views.or(solid.pictures), background: None })
+        // Pictures of the Gaussians do not show what stands beside them.
+        let pictures = solid.pictures.filter(|_| others.is_empty());
+        let scenes = std::iter::once(solid.scene).chain(others).collect();
+        Ok(Scenes { scenes, views: views.or(pictures), background: None })
     }
 
     /// The first file, for messages.
@@ -332,23 +337,24 @@ impl BakeJob {
         }
         let options = self.dataset_options.read_options(self.sh_degree());
         let mut scenes = Vec::new();
+        let mut splats = None;
         for input in &self.inputs {
-            let content = match input {
-                BakeInput::Scene(content) => Content::clone(content),
-                BakeInput::File(path) => formats::read_content(path, &options)?,
+            let contents = match input {
+                BakeInput::Scene(content) => vec![Content::clone(content)],
+                BakeInput::File(path) => formats::read_contents(path, &options)?,
             };
-            match content {
-                Content::Scene(scene) => scenes.push(scene),
-                Content::Splats(splats) if self.inputs.len() == 1 => {
-                    return Ok(InputContent::Splats(Box::new(splats)));
-                }
-                Content::Splats(_) => {
-                    let reason = "holds 3D Gaussians, which are baked alone: bake it to a .glb, then merge that";
-                    return Err(Error::unsupported(input.path(), reason));
+            for content in contents {
+                match content {
+                    Content::Scene(scene) => scenes.push(scene),
+                    Content::Splats(own) if splats.is_none() => splats = Some(own),
+                    Content::Splats(_) => {
+                        let reason = "holds 3D Gaussians like an input before it: bake each to a .glb, then merge these";
+                        return Err(Error::unsupported(input.path(), reason));
+                    }
                 }
             }
         }
-        Ok(InputContent::Scenes(scenes))
+        Ok(InputContent { scenes, splats })
     }
 
     /// The SH degree to read: the teacher draws more than degree 0, and without photos a scene may

@@ -620,7 +620,7 @@ impl<'a> MergedMesh<'a> {
         }
         if self.splats > 0 {
             self.warn(format!(
-                "{} beside the mesh are not read: save them as a file of their own, and bake that too",
+                "{} beside the mesh: `trisplat bake` makes triangles of them too, other commands leave them out",
                 counted(self.splats, "Gaussian")
             ));
         }

@@ -45,5 +45,5 @@ pub(crate) use part::node_names;
 pub(crate) use read::gltf_info;
 pub use read::{GltfInfo, read};
 pub use sh::ShExtras;
-pub use splats::{holds_splats, read_splats};
+pub use splats::{holds_splats, holds_splats_beside_mesh, read_splats};
 pub use write::{WrittenGltf, to_glb_bytes, write_glb, write_gltf};

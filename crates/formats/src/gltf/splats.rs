@@ -70,22 +70,33 @@ struct Packing {
 /// True when an open glTF file holds Gaussians and no triangles; false for a broken one. The file
 /// is back at byte 0 afterwards.
 pub fn holds_splats(source: &mut Source, limits: &Limits) -> Result<bool> {
-    let container = ContainerFile::read(source, limits);
-    source.rewind()?;
-    let Ok(container) = container else { return Ok(false) };
-    // Few files name the extension, so few are parsed twice.
-    if !container.json.windows(GLTF_EXTENSION.len()).any(|text| text == GLTF_EXTENSION.as_bytes()) {
-        return Ok(false);
-    }
-    let document = document::parse::<SplatDocument>(&source.path, &container.json, limits);
-    let is_splats = |primitive: &SplatPrimitive| primitive.extensions.splatting.is_some();
-    Ok(document.is_ok_and(|document| {
-        let mut all = document.meshes.iter().flat_map(|mesh| &mesh.primitives).peekable();
-        all.peek().is_some() && all.all(is_splats)
-    }))
+    let [splats, all] = count_primitives(source, limits)?;
+    Ok(splats > 0 && splats == all)
 }
 
-/// The Gaussians of the default scene.
+/// True when it holds Gaussians beside triangles.
+pub fn holds_splats_beside_mesh(source: &mut Source, limits: &Limits) -> Result<bool> {
+    let [splats, all] = count_primitives(source, limits)?;
+    Ok(splats > 0 && splats < all)
+}
+
+/// Numbers of primitives that are Gaussians, and of all; zeros for a file without the extension.
+fn count_primitives(source: &mut Source, limits: &Limits) -> Result<[usize; 2]> {
+    let container = ContainerFile::read(source, limits);
+    source.rewind()?;
+    let Ok(container) = container else { return Ok([0; 2]) };
+    // Few files name the extension, so few are parsed twice.
+    if !container.json.windows(GLTF_EXTENSION.len()).any(|text| text == GLTF_EXTENSION.as_bytes()) {
+        return Ok([0; 2]);
+    }
+    let document = document::parse::<SplatDocument>(&source.path, &container.json, limits);
+    let Ok(document) = document else { return Ok([0; 2]) };
+    let primitives = || document.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    let splats = primitives().filter(|primitive| primitive.extensions.splatting.is_some());
+    Ok([splats.count(), primitives().count()])
+}
+
+/// The Gaussians of the default scene, without triangles beside them.
 ///
 /// # Errors
 /// As for triangles; Gaussians that are compressed, of linear colours, or under nodes with uneven
@@ -142,7 +153,10 @@ impl SplatReader<'_> {
                 );
                 return Err(Error::malformed(self.path, format!("node {}", instance.node), reason));
             };
-            for (i, primitive) in mesh.primitives.iter().enumerate() {
+            let primitives = mesh.primitives.iter().enumerate();
+            for (i, primitive) in
+                primitives.filter(|(_, primitive)| primitive.extensions.splatting.is_some())
+            {
                 parts.push(self.part(
                     primitive,
                     format!("mesh {} primitive {i}", instance.mesh),

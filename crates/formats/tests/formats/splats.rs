@@ -466,6 +466,37 @@ fn a_gltf_of_gaussians_is_read_in_the_place_of_its_nodes() {
 }
 
 #[test]
+fn mesh_and_gaussians_of_one_gltf_are_both_contents() {
+    let beside_mesh = glb("", |document| {
+        let list = |key: &str| document[key].as_array().expect("a list").len();
+        let [view, accessor] = ["bufferViews", "accessors"].map(list);
+        let mut add = |key: &str, value: serde_json::Value| {
+            document[key].as_array_mut().expect("a list").push(value);
+        };
+        add("bufferViews", serde_json::json!({"buffer": 0, "byteOffset": 0, "byteLength": 36}));
+        add(
+            "accessors",
+            serde_json::json!({"bufferView": view, "componentType": 5126, "count": 3, "type": "VEC3"}),
+        );
+        add("meshes", serde_json::json!({"primitives": [{"attributes": {"POSITION": accessor}}]}));
+        add("nodes", serde_json::json!({"mesh": 1}));
+    });
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("both.glb");
+    std::fs::write(&path, beside_mesh).expect("a file");
+    let contents = trisplat_formats::read_contents(&path, &ReadOptions::default()).expect("valid");
+    let [Content::Scene(mesh), Content::Splats(gaussians)] = &contents[..] else {
+        panic!("{contents:?}")
+    };
+    assert_eq!((mesh.scene.triangle_count(), gaussians.splats.len()), (1, 1));
+    assert_eq!(mesh.provenance.up, gaussians.provenance.up);
+    assert!(mesh.warnings.iter().any(|warning| warning.starts_with("1 Gaussian beside the mesh")));
+    std::fs::write(&path, glb("", |_| {})).expect("a file");
+    let alone = trisplat_formats::read_contents(&path, &ReadOptions::default()).expect("valid");
+    assert!(matches!(alone[..], [Content::Splats(_)]));
+}
+
+#[test]
 fn a_gltf_of_gaussians_that_cannot_be_read_says_why() {
     type Edit = fn(&mut serde_json::Value);
     let cases: [(&str, Edit, &str); 7] = [
