@@ -261,8 +261,12 @@ fn dataset_rows(d: &Description) -> Vec<Row> {
     if d.cameras.len() > LISTED {
         rows.push(("camera", format!("and {} more", d.cameras.len() - LISTED)));
     }
+    let depth = d.depth_error.map_or(String::new(), |error| {
+        format!(", at the points {:.1}% off (median)", 100.0 * error)
+    });
     let some = [
         ("masks", d.masks, ""),
+        ("depth", d.depths, &depth),
         ("cut out", d.cut, " of an object without background"),
         ("lens", d.undistorted, " undistorted while read"),
     ];

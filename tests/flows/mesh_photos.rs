@@ -15,6 +15,7 @@ const PHOTOS: SyntheticOptions = SyntheticOptions {
     seed: 0,
     transparent: false,
     phone: false,
+    depth: false,
 };
 
 #[test]

@@ -1,9 +1,10 @@
 //! COLMAP models as data sets: their places, their photos, and the errors of cameras and points.
 
-use super::colmap_model::{ColmapModel, FoundPoint, ImageRow};
-use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
+use super::colmap_model::{ColmapModel, ImageRow, ListedPoint};
 use super::lens::Lens;
+use super::listing::{DatasetListing, LensClaim, ListedPhoto, NamedFiles};
 use super::options::DatasetOptions;
+use super::pose_check::{self, Mistake, Pose};
 use super::posed::{DatasetKind, Reprojection};
 use super::{colmap_binary, colmap_text};
 use glam::{DVec2, DVec3, UVec2, Vec2};
@@ -92,10 +93,10 @@ pub(super) fn numbered(folder: &Path) -> Vec<PathBuf> {
 
 /// Reads the model and finds its photos.
 pub(super) fn read(
-    root: &Path,
+    data_set: &Path,
     files: &ModelFiles,
     options: &DatasetOptions,
-) -> Result<FoundDataset> {
+) -> Result<DatasetListing> {
     let mut warnings = Vec::new();
     let mut model = files.model(&options.limits, true)?;
     let mut points = files.points(&options.limits)?;
@@ -104,32 +105,33 @@ pub(super) fn read(
         warnings.push(format!("{} is missing", point_file.display()));
     }
     let list = files.folder.join(if files.binary { "images.bin" } else { "images.txt" });
-    if model.images.is_empty() {
+    let names = model.images.iter().map(|image| &image.name);
+    let Some(first) = names.chain(model.broken.iter().map(|(name, _)| name)).next() else {
         return Err(Error::malformed(
             &list,
             "images",
             "the model has no image; run COLMAP's mapper again",
         ));
-    }
+    };
+    let (root, folder) = photo_folders(data_set, &list, first, options)?;
     if let Some(reason) = foreign_points(&model, &places(&points)) {
-        warnings.push(format!("{} {reason}: its points are not used", point_file.display()));
+        warnings.push(format!("{} {reason}; its points are not used", point_file.display()));
         points.clear();
     }
     leave_out_loose(&mut model, &mut warnings);
-    warnings.extend(fell_apart(root, files));
-    let (root, folder) = photo_folders(root, &list, &model.images[0].name, options)?;
+    warnings.extend(fell_apart(data_set, files));
     let mut named = NamedFiles::new(&list, &folder, options);
     let numbers: HashMap<u64, u32> = points.iter().map(|point| point.id).zip(0..).collect();
     let photos = model.images.iter().map(|image| photo(image, &model, &numbers, &mut named));
     let photos = photos.collect::<Result<_>>()?;
     warnings.extend(named.warnings());
-    Ok(FoundDataset {
+    Ok(DatasetListing {
         kind: if files.binary { DatasetKind::ColmapBinary } else { DatasetKind::ColmapText },
         points,
         root,
         list,
         photos,
-        broken: Vec::new(),
+        broken: model.broken,
         warnings,
     })
 }
@@ -156,10 +158,27 @@ fn foreign_points(model: &ColmapModel, places: &HashMap<u64, DVec3>) -> Option<S
         return None;
     }
     let other = "is of another reconstruction than the photos";
-    let found = sightings(model, places);
-    if found.is_empty() {
+    let apart = |change| apart_sightings(&sightings(model, places, change));
+    let (apart_as_read, count) = apart(|pose| pose);
+    if count == 0 {
         return Some(format!("{other}: none of the points of {observed} observations exists"));
     }
+    if count < MIN_OBSERVATIONS || 2 * apart_as_read <= count {
+        return None;
+    }
+    let seen = format!("{apart_as_read} of {count} points are not where the photos show them");
+    let tried = pose_check::mistakes(DatasetKind::ColmapText);
+    let is_meant = |mistake: &&Mistake| 2 * apart(mistake.2).0 <= count;
+    Some(match tried.iter().find(is_meant) {
+        Some((name, remedy, _)) => format!(
+            "does not fit the photos: {seen}, but they would be if poses are {name}: {remedy}"
+        ),
+        None => format!("{other}: {seen}"),
+    })
+}
+
+/// Number of points that are not where photos show them, and of all.
+fn apart_sightings(found: &[Sighting<'_>]) -> (usize, usize) {
     // The photos may have been observed at another size than their cameras have.
     let scales =
         found.iter().filter_map(|(_, at, seen)| Some(at.as_ref()?.length() / seen.length()));
@@ -168,10 +187,7 @@ fn foreign_points(model: &ColmapModel, places: &HashMap<u64, DVec3>) -> Option<S
         let most = MAX_REPROJECTION_ERROR * lens.size.as_dvec2().max_element();
         !at.is_some_and(|at| at.distance(*seen * scale) <= most)
     };
-    let apart = found.iter().filter(is_apart).count();
-    let count = found.len();
-    (count >= MIN_OBSERVATIONS && 2 * apart > count)
-        .then(|| format!("{other}: {apart} of {count} points are not where the photos show them"))
+    (found.iter().filter(is_apart).count(), found.len())
 }
 
 /// Leaves out photos whose poses hang on next to nothing.
@@ -226,7 +242,7 @@ fn photo(
     model: &ColmapModel,
     points: &HashMap<u64, u32>,
     files: &mut NamedFiles,
-) -> Result<FoundPhoto> {
+) -> Result<ListedPhoto> {
     let place = format!("image `{}`", image.name);
     let lens = model.cameras.get(&image.camera).ok_or_else(|| {
         let reason = format!("its camera {} is not in the cameras file", image.camera);
@@ -236,7 +252,7 @@ fn photo(
     let path = files.find(&place, &image.name)?;
     let tracked = image.observations.iter().filter_map(|(id, _)| points.get(id).copied()).collect();
     let pose = (image.rotation, image.translation);
-    Ok(FoundPhoto { tracked, ..FoundPhoto::posed(name, path, pose, LensClaim::of(lens)) })
+    Ok(ListedPhoto { tracked, ..ListedPhoto::posed(name, path, pose, LensClaim::of(lens)) })
 }
 
 impl ModelFiles {
@@ -262,7 +278,7 @@ impl ModelFiles {
     }
 
     /// Its points; none without their file.
-    fn points(&self, limits: &Limits) -> Result<Vec<FoundPoint>> {
+    fn points(&self, limits: &Limits) -> Result<Vec<ListedPoint>> {
         let path = self.point_file();
         match (path.is_file(), self.binary) {
             (true, true) => colmap_binary::points(&path, limits),
@@ -273,21 +289,26 @@ impl ModelFiles {
 }
 
 /// The position of each point, by its number.
-fn places(points: &[FoundPoint]) -> HashMap<u64, DVec3> {
+fn places(points: &[ListedPoint]) -> HashMap<u64, DVec3> {
     points.iter().map(|point| (point.id, point.position)).collect()
 }
 
-/// Every observation of a point: the lens, the pixel of the point, `None` behind the camera, and
-/// the observed pixel.
+/// An observation of a point: the lens, the pixel of the point, `None` behind the camera, and the
+/// observed pixel.
+type Sighting<'a> = (&'a Lens, Option<DVec2>, DVec2);
+
+/// Every observation of a point, by changed poses.
 fn sightings<'a>(
     model: &'a ColmapModel,
     places: &HashMap<u64, DVec3>,
-) -> Vec<(&'a Lens, Option<DVec2>, DVec2)> {
+    change: fn(Pose) -> Pose,
+) -> Vec<Sighting<'a>> {
     let mut found = Vec::new();
     for image in &model.images {
         let Some(lens) = model.cameras.get(&image.camera) else { continue };
+        let pose = change(Pose { rotation: image.rotation, translation: image.translation });
         found.extend(image.observations.iter().filter_map(|(id, seen)| {
-            let ray = image.rotation * *places.get(id)? + image.translation;
+            let ray = pose.rotation * *places.get(id)? + pose.translation;
             Some((lens, lens.pixel(ray), seen.as_dvec2()))
         }));
     }
@@ -307,7 +328,7 @@ pub(super) fn reprojection(root: &Path, limits: &Limits) -> Result<Option<Reproj
     let mut sum = 0.0;
     let mut observations = 0u64;
     let mut behind = 0u64;
-    for (_, at, seen) in sightings(&model, &places) {
+    for (_, at, seen) in sightings(&model, &places, |pose| pose) {
         match at.map(|at| at.distance(seen)).filter(|error| error.is_finite()) {
             Some(error) => (sum, observations) = (sum + error, observations + 1),
             None => behind += 1,

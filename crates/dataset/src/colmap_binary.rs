@@ -2,8 +2,8 @@
 //!
 //! Every count is compared with the remaining bytes before memory is allocated.
 
-use super::colmap_model::{self, ColmapModel, FoundPoint, ImageRow};
-use glam::{DVec3, Vec2};
+use super::colmap_model::{self, ColmapModel, ImageRow, ListedPoint};
+use glam::{DMat3, DVec3, Vec2};
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -47,20 +47,20 @@ fn read_cameras(bytes: &mut BinaryFile, model: &mut ColmapModel) -> Result<()> {
 fn read_images(bytes: &mut BinaryFile, observations: bool, model: &mut ColmapModel) -> Result<()> {
     let count = bytes.count("images", 4 + 7 * 8 + 4 + 1 + 8)?;
     for _ in 0..count {
-        let id = u32::from_le_bytes(bytes.take()?);
+        let _number: [u8; 4] = bytes.take()?;
         let quaternion = bytes.floats::<4>()?;
         let translation = DVec3::from(bytes.floats::<3>()?);
         let camera = u32::from_le_bytes(bytes.take()?);
         let name = bytes.name()?;
-        let rotation = colmap_model::rotation(quaternion, translation, format!("{id} `{name}`"));
-        let rotation = rotation.map_err(|reason| bytes.malformed(reason))?;
         let observation_count = bytes.count("2D points", 24)?;
         let observations = if observations {
             read_observations(bytes, observation_count)?
         } else {
             bytes.skip(24 * observation_count as u64).map(|()| Vec::new())?
         };
-        model.images.push(ImageRow { name, camera, rotation, translation, observations });
+        let rotation = DMat3::IDENTITY;
+        let image = ImageRow { name, camera, rotation, translation, observations };
+        model.add_image(image, quaternion, |reason| bytes.malformed(reason));
     }
     bytes.end()
 }
@@ -81,7 +81,7 @@ fn read_observations(bytes: &mut BinaryFile, count: usize) -> Result<Vec<(u64, V
 }
 
 /// The points of the file at `path`.
-pub(super) fn points(path: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
+pub(super) fn points(path: &Path, limits: &Limits) -> Result<Vec<ListedPoint>> {
     let mut bytes = BinaryFile::open(path.to_owned(), limits)?;
     let count = bytes.count("points", 8 + 3 * 8 + 3 + 8 + 8)?;
     limits.vertices(bytes.path.display(), count as u64)?;
@@ -94,7 +94,7 @@ pub(super) fn points(path: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
         let error = f64::from_le_bytes(bytes.take()?);
         let track = bytes.count("track entries", 8)?;
         bytes.skip(track as u64 * 8)?;
-        points.push(FoundPoint::of(id, position, rgb, error));
+        points.push(ListedPoint::of(id, position, rgb, error));
     }
     bytes.end().map(|()| points)
 }

@@ -7,10 +7,35 @@ use std::path::Path;
 use trisplat_scene::{Error, Result};
 
 /// A model without its points, which are read one by one.
-#[derive(Debug, Default, PartialEq)]
+#[derive(Debug, Default)]
 pub(super) struct ColmapModel {
     pub(super) cameras: HashMap<u32, Lens>,
     pub(super) images: Vec<ImageRow>,
+    /// The names of images without a pose, and why.
+    pub(super) broken: Vec<(String, Error)>,
+}
+
+impl ColmapModel {
+    /// Adds an image with the quaternion (w, x, y, z) of its pose, which may have any length except
+    /// zero; `malformed` makes the error of one that is none.
+    pub(super) fn add_image(
+        &mut self,
+        mut image: ImageRow,
+        wxyz: [f64; 4],
+        malformed: impl Fn(String) -> Error,
+    ) {
+        let [w, x, y, z] = wxyz;
+        let q = DQuat::from_xyzw(x, y, z, w);
+        let length = q.length();
+        if length > 1e-6 && length.is_finite() && image.translation.is_finite() {
+            image.rotation = DMat3::from_quat(q * (1.0 / length));
+            self.images.push(image);
+        } else {
+            let ImageRow { name, translation, .. } = image;
+            let reason = format!("image `{name}` has no pose: {wxyz:?}, {translation}");
+            self.broken.push((name, malformed(reason)));
+        }
+    }
 }
 
 /// A row of images.bin or images.txt.
@@ -22,16 +47,6 @@ pub(super) struct ImageRow {
     pub(super) translation: DVec3,
     /// Observed points and their image positions, px.
     pub(super) observations: Vec<(u64, Vec2)>,
-}
-
-/// The rotation of the quaternion (w, x, y, z) of an image, which may have any length except zero;
-/// otherwise what is wrong.
-pub(super) fn rotation(wxyz: [f64; 4], translation: DVec3, image: String) -> Result<DMat3, String> {
-    let q = DQuat::from_xyzw(wxyz[1], wxyz[2], wxyz[3], wxyz[0]);
-    let length = q.length();
-    let good = length > 1e-6 && length.is_finite() && translation.is_finite();
-    let rotation = good.then(|| DMat3::from_quat(q * (1.0 / length)));
-    rotation.ok_or_else(|| format!("image {image} has no pose: {wxyz:?}, {translation}"))
 }
 
 /// COLMAP's camera models in the order of their numbers in binary files: name, number of
@@ -118,7 +133,7 @@ pub(super) fn lens(path: &Path, model: &str, size: [u64; 2], params: &[f64]) -> 
 
 /// A point of the cloud in f64.
 #[derive(Debug, PartialEq)]
-pub(super) struct FoundPoint {
+pub(super) struct ListedPoint {
     /// Its number in a COLMAP model.
     pub(super) id: u64,
     pub(super) position: DVec3,
@@ -126,7 +141,7 @@ pub(super) struct FoundPoint {
     pub(super) error: Option<f32>,
 }
 
-impl FoundPoint {
+impl ListedPoint {
     /// Of a row of points3D. COLMAP writes -1 as the error of a point that was never refined.
     pub(super) fn of(id: u64, position: DVec3, rgb: [u8; 3], error: f64) -> Self {
         let error = (error >= 0.0 && error.is_finite()).then_some(error as f32);

@@ -1,7 +1,7 @@
 //! COLMAP's text model: cameras.txt, images.txt, points3D.txt.
 
-use super::colmap_model::{self, ColmapModel, FoundPoint, ImageRow};
-use glam::{DVec3, Vec2};
+use super::colmap_model::{self, ColmapModel, ImageRow, ListedPoint};
+use glam::{DMat3, DVec3, Vec2};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -43,8 +43,7 @@ fn read_images(lines: &mut TextFile, keep: bool, model: &mut ColmapModel) -> Res
         if name.is_empty() {
             return Err(lines.malformed(format!("image {id} has no name")));
         }
-        let rotation = colmap_model::rotation(quaternion, translation, format!("{id} `{name}`"));
-        let rotation = rotation.map_err(|reason| lines.malformed(reason))?;
+        let number = lines.number;
         let mut observations = Vec::new();
         if lines.next_line()? {
             let mut words = lines.words();
@@ -56,13 +55,17 @@ fn read_images(lines: &mut TextFile, keep: bool, model: &mut ColmapModel) -> Res
                 }
             }
         }
-        model.images.push(ImageRow { name, camera, rotation, translation, observations });
+        let rotation = DMat3::IDENTITY;
+        let image = ImageRow { name, camera, rotation, translation, observations };
+        model.add_image(image, quaternion, |reason| {
+            Error::malformed(&lines.path, format!("line {number}"), reason)
+        });
     }
     Ok(())
 }
 
 /// The points of the file at `path`: `POINT3D_ID X Y Z R G B ERROR TRACK...`
-pub(super) fn points(path: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
+pub(super) fn points(path: &Path, limits: &Limits) -> Result<Vec<ListedPoint>> {
     let lines = &mut TextFile::open(path.to_owned(), limits)?;
     let mut points = Vec::new();
     while lines.next_entry()? {
@@ -70,7 +73,7 @@ pub(super) fn points(path: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
         let id = words.number("point id")?;
         let position = DVec3::from(words.numbers::<3>("position")?);
         let rgb = [words.number("red")?, words.number("green")?, words.number("blue")?];
-        points.push(FoundPoint::of(id, position, rgb, words.number("error")?));
+        points.push(ListedPoint::of(id, position, rgb, words.number("error")?));
         lines.limits.vertices(lines.path.display(), points.len() as u64)?;
     }
     Ok(points)

@@ -1,7 +1,8 @@
 //! Figures of a data set, for `trisplat info`, and its files, which no command may overwrite.
 
 use super::colmap::{numbered, with_photos};
-use super::found::{is_json, with_extension};
+use super::depth_scale::depth_error;
+use super::listing::{is_json, with_extension};
 use super::posed::{Dataset, DatasetKind, Reprojection, View};
 use super::realityscan;
 use schemars::JsonSchema;
@@ -27,6 +28,11 @@ pub struct Description {
     pub cameras: Vec<CameraGroup>,
     /// Photos with a mask.
     pub masks: u64,
+    /// Photos with a depth map.
+    pub depths: u64,
+    /// Median error of the depth maps at the points, as a share of the depth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_error: Option<f64>,
     /// Photos that show an object without background, by their opacity or mask.
     pub cut: u64,
     /// Number of photos whose lens distortion is removed during reading.
@@ -90,6 +96,8 @@ pub fn describe(dataset: &Dataset, limits: &Limits) -> Result<Description> {
         test: count(&|v| v.test),
         cameras: cameras(views),
         masks: count(&|v| v.photo.mask.is_some()),
+        depths: count(&|v| v.photo.depth.is_some()),
+        depth_error: depth_error(dataset)?,
         cut: count(&|v| v.photo.is_cut() && !(is_opaque && v.photo.mask.is_none())),
         undistorted: count(&|v| v.photo.undistort.is_some()),
         decoded_bytes: views
@@ -163,7 +171,7 @@ fn bounds(dataset: &Dataset) -> Option<[[f64; 3]; 2]> {
 }
 
 /// The beginnings of the names of files with poses, points and the split.
-const NAMES: [&str; 8] = [
+const NAMES: [&str; 9] = [
     "transforms",
     "test.txt",
     "cameras.",
@@ -172,11 +180,12 @@ const NAMES: [&str; 8] = [
     "rigs.",
     "poses_bounds.npy",
     "metadata",
+    "depth_params.json",
 ];
 /// Folders of a data set that hold such files; each may have numbered ones.
 const FOLDERS: [&str; 3] = ["", "sparse", "colmap/sparse"];
-/// The folder of masks.
-const MASKS: &str = "masks";
+/// The folders of masks and depth maps.
+const BESIDE_PHOTOS: [&str; 3] = ["masks", "depths", "depth"];
 /// The folders of photos and poses that apps of phones export.
 const APPS: [&str; 3] = ["keyframes", "rgb", "rgbd"];
 
@@ -200,7 +209,8 @@ impl Dataset {
         let roots: Vec<&Path> = std::iter::once(root).chain(above).collect();
         for root in roots {
             files.extend(Self::pose_files(root));
-            for folder in [images, Path::new(MASKS)].into_iter().chain(APPS.map(Path::new)) {
+            let beside = BESIDE_PHOTOS.into_iter().chain(APPS).map(Path::new);
+            for folder in std::iter::once(images).chain(beside) {
                 // Photos may lie beside everything else.
                 let is_one =
                     |path: &PathBuf| image::ImageFormat::from_path(path).is_ok() || is_json(path);
@@ -245,7 +255,8 @@ fn named(list: &Value, root: &Path) -> Vec<PathBuf> {
     let path = |name: &Value| Some(root.join(name.as_str()?.replace('\\', "/")));
     let frames = list["frames"].as_array().into_iter().flatten();
     let photos = frames.flat_map(|frame| {
-        [path(&frame["file_path"]).map(with_extension), path(&frame["mask_path"])]
+        let photo = path(&frame["file_path"]).map(with_extension);
+        [photo, path(&frame["mask_path"]), path(&frame["depth_file_path"])]
     });
     photos.chain([path(&list["ply_file_path"])]).flatten().collect()
 }

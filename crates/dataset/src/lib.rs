@@ -8,6 +8,8 @@ mod colmap;
 mod colmap_binary;
 mod colmap_model;
 mod colmap_text;
+mod depth;
+mod depth_scale;
 mod describe;
 mod exif;
 mod extent;
@@ -29,8 +31,8 @@ pub mod exposure {
     pub use own::own_exposures;
     pub use solve::solve;
 }
-mod found;
 mod lens;
+mod listing;
 mod llff;
 mod load;
 mod masks;
@@ -47,6 +49,7 @@ mod silhouettes;
 mod transforms;
 mod views;
 
+pub use depth::{DepthMap, DepthPicture};
 pub use describe::{Description, describe};
 pub use lens::{Distortion, Lens, LensProjection};
 pub use options::{DatasetOptions, Masks, PhotoBackground};

@@ -1,7 +1,8 @@
-//! The content of a data set's files, in f64, before any photo is opened. Files that it names must
-//! be in its folder.
+//! The list of a data set's photos from its files, in f64, before any photo is opened. Files that it
+//! names must be in its folder.
 
-use super::colmap_model::FoundPoint;
+use super::colmap_model::ListedPoint;
+use super::depth::DepthMap;
 use super::lens::{Distortion, Lens, LensProjection};
 use super::options::DatasetOptions;
 use super::posed::DatasetKind;
@@ -14,24 +15,25 @@ use trisplat_scene::report::counted;
 use trisplat_scene::{Error, Result, input};
 
 /// A data set, from its files.
-pub(super) struct FoundDataset {
+pub(super) struct DatasetListing {
     pub(super) kind: DatasetKind,
     /// Folder of `test.txt` and `masks`.
     pub(super) root: PathBuf,
     /// The file that lists the photos, for messages.
     pub(super) list: PathBuf,
-    pub(super) photos: Vec<FoundPhoto>,
+    pub(super) photos: Vec<ListedPhoto>,
     /// Photos whose pose is none, as not a number, and why.
     pub(super) broken: Vec<(String, Error)>,
-    pub(super) points: Vec<FoundPoint>,
+    pub(super) points: Vec<ListedPoint>,
     pub(super) warnings: Vec<String>,
 }
 
 /// A posed photo, from its files.
-pub(super) struct FoundPhoto {
+pub(super) struct ListedPhoto {
     pub(super) name: String,
     pub(super) path: PathBuf,
     pub(super) mask: Option<PathBuf>,
+    pub(super) depth: Option<DepthMap>,
     /// World to camera, COLMAP axes: pixel ~ rotation * world + translation.
     pub(super) rotation: DMat3,
     pub(super) translation: DVec3,
@@ -42,7 +44,7 @@ pub(super) struct FoundPhoto {
     pub(super) tracked: Vec<u32>,
 }
 
-impl FoundPhoto {
+impl ListedPhoto {
     /// A photo with this pose (rotation and translation), to train on, without mask and tracks.
     pub(super) fn posed(
         name: String,
@@ -55,6 +57,7 @@ impl FoundPhoto {
             name,
             path,
             mask: None,
+            depth: None,
             rotation,
             translation,
             lens,
@@ -148,6 +151,8 @@ pub(super) struct NamedFiles<'a> {
     absolute: (usize, Option<String>),
     /// The same of files found in another place.
     moved: (usize, Option<String>),
+    /// The same of depth maps that are missing or no pictures.
+    without_depth: (usize, Option<String>),
     /// The pictures below the folder by name and by stem, in lower case, once they are needed.
     pictures: OnceCell<HashMap<String, Vec<PathBuf>>>,
 }
@@ -165,6 +170,7 @@ impl<'a> NamedFiles<'a> {
             allow_outside,
             absolute: (0, None),
             moved: (0, None),
+            without_depth: (0, None),
             pictures,
         }
     }
@@ -206,6 +212,22 @@ impl<'a> NamedFiles<'a> {
         self.moved.0 += 1;
         self.moved.1.get_or_insert_with(|| format!("`{name}`, found as {}", found.display()));
         Ok(found)
+    }
+
+    /// The depth map `name`, if it is a picture in its place: pictures of the same name elsewhere
+    /// are photos.
+    ///
+    /// # Errors
+    ///
+    /// A file outside the folder without permission.
+    pub(super) fn find_depth(&mut self, place: &str, name: &str) -> Result<Option<PathBuf>> {
+        let path = self.folder.join(name.replace('\\', "/"));
+        if is_picture(&path) && path.is_file() {
+            return self.find(place, name).map(Some);
+        }
+        self.without_depth.0 += 1;
+        self.without_depth.1.get_or_insert_with(|| name.to_owned());
+        Ok(None)
     }
 
     /// A file whose path ends as `path` does, as far as possible, or has its stem and another
@@ -258,12 +280,40 @@ impl<'a> NamedFiles<'a> {
         let moved = counted(self.moved).map(|(files, first)| {
             format!("{files} of {list} in another place than it says, first {first}")
         });
-        absolute.into_iter().chain(moved)
+        let without_depth = counted(self.without_depth).map(|(files, first)| {
+            format!("{files} of depth that {list} names are missing or no PNG, first `{first}`")
+        });
+        absolute.into_iter().chain(moved).chain(without_depth)
     }
 }
 
-/// Folders of pictures that belong to photos of the same names, by the beginnings of their names.
-const BESIDE_PHOTOS: [&str; 4] = ["mask", "depth", "normal", "@eadir"];
+/// Words that begin the names of folders beside photos: of small copies of them, or of pictures of
+/// another kind that belong to them.
+const BESIDE_PHOTOS: [&str; 12] = [
+    "mask",
+    "masks",
+    "depth",
+    "depths",
+    "depthmap",
+    "depthmaps",
+    "normal",
+    "normals",
+    "confidence",
+    "thumbs",
+    "thumbnails",
+    "__macosx",
+];
+
+/// True for the name of a folder of pictures beside photos, and of folders of systems and network
+/// drives: `masks_2`, `@eaDir`, `#recycle`, `$RECYCLE.BIN`, `.git`.
+pub(super) fn is_beside_photos(folder: &str) -> bool {
+    let name = folder.to_lowercase();
+    let is_word = |word: &&str| {
+        let rest = name.strip_prefix(*word);
+        rest.is_some_and(|rest| !rest.starts_with(char::is_alphabetic))
+    };
+    name.starts_with(['.', '@', '#', '$']) || BESIDE_PHOTOS.iter().any(|word| is_word(&word))
+}
 
 /// The pictures below `folder` by name and by stem, in lower case.
 fn pictures_below(folder: &Path) -> HashMap<String, Vec<PathBuf>> {
@@ -274,10 +324,7 @@ fn pictures_below(folder: &Path) -> HashMap<String, Vec<PathBuf>> {
         let below = path.strip_prefix(folder).unwrap_or(&path).to_string_lossy().to_lowercase();
         let mut parts: Vec<&str> = below.split(['/', '\\']).collect();
         let name = parts.pop().unwrap_or_default();
-        let is_beside = |part: &&str| {
-            part.starts_with('.') || BESIDE_PHOTOS.iter().any(|start| part.starts_with(start))
-        };
-        if is_picture(Path::new(name)) && !parts.iter().any(is_beside) {
+        if is_picture(Path::new(name)) && !parts.iter().any(|part| is_beside_photos(part)) {
             let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
             for key in [name, &stem] {
                 pictures.entry(key.to_owned()).or_default().push(path.clone());
@@ -360,6 +407,16 @@ mod tests {
             assert!(reason.contains("radians above 0 and below π"), "{reason}");
         }
         assert!(resolved(LensClaim { angle: [Some(3.0), None], ..LensClaim::default() }).is_ok());
+    }
+
+    #[test]
+    fn folders_beside_photos_are_told_by_whole_words() {
+        for name in ["masks", "Mask_2", "depth-16", "@eaDir", "#recycle", "Thumbnails", "normals"] {
+            assert!(is_beside_photos(name), "{name}");
+        }
+        for name in ["maskenball", "photos", "images", "depthford", "a.masks"] {
+            assert!(!is_beside_photos(name), "{name}");
+        }
     }
 
     #[test]

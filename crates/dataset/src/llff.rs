@@ -4,7 +4,7 @@
 //! columns of the matrix are the directions down, right and backwards of the photo, the place of
 //! the camera, and (height, width, focal length) in px.
 
-use super::found::{FoundDataset, FoundPhoto, LensClaim};
+use super::listing::{DatasetListing, LensClaim, ListedPhoto};
 use super::options::DatasetOptions;
 use super::posed::DatasetKind;
 use glam::{DMat3, DVec3, UVec2};
@@ -24,7 +24,7 @@ pub(super) fn locate(root: &Path) -> Option<PathBuf> {
 }
 
 /// Reads `file` and finds its photos: in `images`, or shrunk in `images_2`, `images_4`, ...
-pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
+pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<DatasetListing> {
     let root = file.parent().unwrap_or(Path::new("")).to_owned();
     let (mut from, length) = input::open(file, &options.limits)?;
     let header = Header::read(file, &mut from, length)?;
@@ -63,7 +63,7 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     let kind = DatasetKind::Llff;
     let list = file.to_owned();
     let points = Vec::new();
-    Ok(FoundDataset { kind, root, list, photos, broken, points, warnings: Vec::new() })
+    Ok(DatasetListing { kind, root, list, photos, broken, points, warnings: Vec::new() })
 }
 
 /// The pictures in a folder, in order of name.
@@ -75,7 +75,7 @@ fn pictures(folder: &Path) -> Vec<PathBuf> {
     pictures
 }
 
-fn photo(name: String, path: PathBuf, row: &[f64; ROW]) -> Result<FoundPhoto, String> {
+fn photo(name: String, path: PathBuf, row: &[f64; ROW]) -> Result<ListedPhoto, String> {
     let column = |c: usize| DVec3::new(row[c], row[5 + c], row[10 + c]);
     let to_world = DMat3::from_cols(column(1), column(0), -column(2));
     let size = column(4);
@@ -96,7 +96,7 @@ fn photo(name: String, path: PathBuf, row: &[f64; ROW]) -> Result<FoundPhoto, St
         ..LensClaim::default()
     };
     let translation = -(rotation * column(3));
-    Ok(FoundPhoto::posed(name, path, (rotation, translation), lens))
+    Ok(ListedPhoto::posed(name, path, (rotation, translation), lens))
 }
 
 /// Header of a NumPy file.

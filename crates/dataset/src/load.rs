@@ -1,10 +1,11 @@
 //! From the path of a data set to cameras and photos: finds its reader, then does the common steps:
 //! check the photos, plan their undistortion, shrink, split.
 
-use super::colmap_model::FoundPoint;
+use super::colmap_model::ListedPoint;
+use super::depth_scale::find_depths;
 use super::extent::{MAX_DISTANCE, check_extent, leave_out_far, origin_of};
-use super::found::{FoundDataset, FoundPhoto, shared_label};
 use super::lens::{Lens, Undistort};
+use super::listing::{DatasetListing, ListedPhoto, shared_label};
 use super::masks::{check_masks, find_masks};
 use super::options::{DatasetOptions, Masks};
 use super::photo::{Photo, check_mask};
@@ -88,7 +89,7 @@ impl Dataset {
 
 /// Finds the list of poses of a folder.
 type Locator = fn(&Path) -> Option<PathBuf>;
-type PoseReader = fn(&Path, &DatasetOptions) -> Result<FoundDataset>;
+type PoseReader = fn(&Path, &DatasetOptions) -> Result<DatasetListing>;
 /// The lists of poses beside COLMAP's, by extension if they have one; in a folder the first goes
 /// first.
 const LISTS: [(&str, Locator, PoseReader); 6] = [
@@ -108,7 +109,7 @@ fn reader(file: &Path) -> Option<PoseReader> {
 }
 
 /// Reads the files at `path`, of any kind.
-fn find(path: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
+fn find(path: &Path, options: &DatasetOptions) -> Result<DatasetListing> {
     options.validate()?;
     let meta = std::fs::metadata(path).map_err(|e| Error::unread(path, e))?;
     if meta.is_file() {
@@ -146,44 +147,46 @@ const NO_POSES: &str = "holds no posed photos: expected a COLMAP model (sparse/0
 /// Makes a data set of all photos found, or of the named ones.
 fn finish(
     path: &Path,
-    mut found: FoundDataset,
+    mut listing: DatasetListing,
     options: &DatasetOptions,
     some: Option<(&BTreeSet<String>, Option<DVec3>)>,
 ) -> Result<Dataset> {
-    found.photos.sort_by(|a, b| a.name.cmp(&b.name));
-    if let Some(pair) = found.photos.windows(2).find(|pair| pair[0].name == pair[1].name) {
-        let by_label = matches!(found.kind, DatasetKind::Metashape | DatasetKind::RealityScan);
-        let shared = by_label.then(|| shared_label(&found.root, &pair[0].path)).flatten();
+    listing.photos.sort_by(|a, b| a.name.cmp(&b.name));
+    if let Some(pair) = listing.photos.windows(2).find(|pair| pair[0].name == pair[1].name) {
+        let by_label = matches!(listing.kind, DatasetKind::Metashape | DatasetKind::RealityScan);
+        let shared = by_label.then(|| shared_label(&listing.root, &pair[0].path)).flatten();
         let reason = shared.unwrap_or_else(|| "is listed twice; remove one of the two".into());
-        return Err(Error::malformed(&found.list, format!("photo `{}`", pair[0].name), reason));
+        return Err(Error::malformed(&listing.list, format!("photo `{}`", pair[0].name), reason));
     }
     if some.is_none() {
-        leave_out_far(&mut found);
+        leave_out_far(&mut listing);
     }
-    check_extent(&found)?;
+    check_extent(&listing)?;
     let given = some.and_then(|(_, origin)| origin);
-    let origin = given.unwrap_or_else(|| origin_of(&found));
+    let origin = given.unwrap_or_else(|| origin_of(&listing));
     if let Some((names, _)) = some {
-        keep_named(&mut found, names);
+        keep_named(&mut listing, names);
     }
-    find_masks(&mut found, options);
-    let mut views = open_views(&mut found, origin, options)?;
+    find_masks(&mut listing, options);
+    find_depths(&mut listing, &options.limits)?;
+    let mut views = open_views(&mut listing, origin, options)?;
     if let Some((names, _)) = some {
         views.retain(|view| names.contains(&view.name));
-        check_named(&found, &views, names)?;
+        check_named(&listing, &views, names)?;
     }
     let mut dataset = Dataset {
         path: path.to_owned(),
-        kind: found.kind,
+        kind: listing.kind,
         views,
         points: Vec::new(),
         origin,
-        warnings: found.warnings,
+        warnings: listing.warnings,
     };
     match given {
         Some(_) => dataset.views.iter_mut().for_each(|view| view.tracked.clear()),
-        None => keep_points(found.points, &mut dataset),
+        None => keep_points(listing.points, &mut dataset),
     }
+    dataset.fit_depths()?;
     if some.is_none() {
         dataset.warnings.extend(unseen_points(&dataset));
     }
@@ -191,27 +194,27 @@ fn finish(
         dataset.views.iter_mut().for_each(|view| view.photo.cut = true);
     }
     if some.is_none() {
-        hold_out(&mut dataset, &found.root, options)?;
+        hold_out(&mut dataset, &listing.root, options)?;
         check_masks(&mut dataset)?;
     }
     Ok(dataset)
 }
 
 /// Keeps the photos of views of these names, none of them held out.
-fn keep_named(found: &mut FoundDataset, names: &BTreeSet<String>) {
+fn keep_named(listing: &mut DatasetListing, names: &BTreeSet<String>) {
     let photos: BTreeSet<String> = names.iter().map(|name| views::photo(name)).collect();
-    found.photos.retain(|photo| names.contains(&photo.name) || photos.contains(&photo.name));
-    found.broken.retain(|(name, _)| names.contains(name));
-    found.photos.iter_mut().for_each(|photo| photo.held_out = false);
+    listing.photos.retain(|photo| names.contains(&photo.name) || photos.contains(&photo.name));
+    listing.broken.retain(|(name, _)| names.contains(name));
+    listing.photos.iter_mut().for_each(|photo| photo.held_out = false);
 }
 
 /// Refuses names without a view.
-fn check_named(found: &FoundDataset, views: &[View], names: &BTreeSet<String>) -> Result<()> {
+fn check_named(listing: &DatasetListing, views: &[View], names: &BTreeSet<String>) -> Result<()> {
     let there: BTreeSet<&String> = views.iter().map(|view| &view.name).collect();
     match names.iter().find(|name| !there.contains(name)) {
         Some(name) => {
             let reason = "is not in the data set any more: put it back, or plan again";
-            Err(Error::malformed(&found.list, format!("photo `{name}`"), reason))
+            Err(Error::malformed(&listing.list, format!("photo `{name}`"), reason))
         }
         None => Ok(()),
     }
@@ -219,19 +222,19 @@ fn check_named(found: &FoundDataset, views: &[View], names: &BTreeSet<String>) -
 
 /// Reads the header of every photo and makes it a view.
 fn open_views(
-    found: &mut FoundDataset,
+    listing: &mut DatasetListing,
     origin: DVec3,
     options: &DatasetOptions,
 ) -> Result<Vec<View>> {
     let opened: Vec<Result<(Vec<View>, Option<String>)>> =
-        parallel::map(&found.photos, |_, photo| open_photo(photo, origin, options));
-    let mut broken = std::mem::take(&mut found.broken);
+        parallel::map(&listing.photos, |_, photo| open_photo(photo, origin, options));
+    let mut broken = std::mem::take(&mut listing.broken);
     let total = opened.len() + broken.len();
     let mut views: Vec<View> = Vec::with_capacity(total);
     let mut wide = 0;
     let mut parts = 0;
     let mut resized = Vec::new();
-    for (photo, result) in found.photos.iter().zip(opened) {
+    for (photo, result) in listing.photos.iter().zip(opened) {
         match result {
             Ok((of_photo, warning)) => {
                 let several = of_photo.len() > 1;
@@ -254,30 +257,30 @@ fn open_views(
     let count = |n: usize| format!("{n} of {total} photos {}", if n == 1 { "is" } else { "are" });
     let also = |n: usize| if n > 1 { format!(" (and {} more)", n - 1) } else { String::new() };
     if let Some(first) = resized.first() {
-        found.warnings.push(format!("{first}{}", also(resized.len())));
+        listing.warnings.push(format!("{first}{}", also(resized.len())));
     }
     if let Some((name, error)) = broken.first() {
         let at = format!("photo `{name}`");
         if broken.len() == total && total > 1 {
             let reason = format!("{error}; no photo is left: all {total} fail");
-            return Err(Error::malformed(&found.list, at, reason));
+            return Err(Error::malformed(&listing.list, at, reason));
         }
         let broken = format!("{} missing or broken", count(broken.len()));
         if !options.skip_broken {
             let reason = format!("{error}; {broken}: repair them");
-            return Err(Error::broken_photos(&found.list, at, &reason));
+            return Err(Error::broken_photos(&listing.list, at, &reason));
         }
-        found.warnings.push(format!("{broken} and left out, first {error}"));
+        listing.warnings.push(format!("{broken} and left out, first {error}"));
     }
     if views.is_empty() {
         return Err(Error::unsupported(
-            &found.list,
+            &listing.list,
             "no photo is left; a data set needs at least one",
         ));
     }
     if wide > 0 {
         views.sort_by(|a, b| a.name.cmp(&b.name));
-        found.warnings.push(format!(
+        listing.warnings.push(format!(
             "{wide} wide photos are read as {parts} pinhole views, first `{}`",
             views[0].name
         ));
@@ -291,49 +294,54 @@ const LONGEST_SHAPE: u32 = 64;
 /// The views of a photo, one unless its lens is wide, and a warning when it has another size than
 /// its camera.
 fn open_photo(
-    found: &FoundPhoto,
+    listed: &ListedPhoto,
     origin: DVec3,
     options: &DatasetOptions,
 ) -> Result<(Vec<View>, Option<String>)> {
-    let stored = RgbImage::size_of(&found.path, &options.limits)?;
-    check_memory(&found.path, stored, options)?;
+    let stored = RgbImage::size_of(&listed.path, &options.limits)?;
+    check_memory(&listed.path, stored, options)?;
     if stored.max_element() / LONGEST_SHAPE > stored.min_element() {
         let reason = format!(
             "is {}x{} px; expected one side at most {LONGEST_SHAPE} times the other, as in a photo",
             stored.x, stored.y
         );
-        return Err(Error::unsupported(&found.path, reason));
+        return Err(Error::unsupported(&listed.path, reason));
     }
-    let at_fault = |reason: String| Error::malformed(&found.path, "camera", reason);
-    let claimed = found.lens.resolve(stored).map_err(at_fault)?;
-    let warning = check_shape(&found.path, &claimed, stored).map_err(at_fault)?;
+    let at_fault = |reason: String| Error::malformed(&listed.path, "camera", reason);
+    let claimed = listed.lens.resolve(stored).map_err(at_fault)?;
+    let warning = check_shape(&listed.path, &claimed, stored).map_err(at_fault)?;
     let lens = claimed.resized(stored);
     // Opacity is a mask inside the photo.
-    let cut = match (&found.mask, options.masks) {
+    let cut = match (&listed.mask, options.masks) {
         (Some(_), masks) => masks == Masks::Cut,
         (None, Masks::Off) => false,
-        (None, _) => RgbImage::has_alpha(&found.path, &options.limits)?,
+        (None, _) => RgbImage::has_alpha(&listed.path, &options.limits)?,
     };
-    if let Some(mask) = &found.mask {
-        check_mask(mask, &found.path, RgbImage::size_of(mask, &options.limits)?, stored)?;
+    if let Some(mask) = &listed.mask {
+        check_mask(mask, &listed.path, RgbImage::size_of(mask, &options.limits)?, stored)?;
     }
-    let decoding = RgbImage::decoding_bytes(&found.path, stored, &options.limits)?;
+    if let Some(depth) = &listed.depth {
+        depth.check_shape(stored, &options.limits)?;
+    }
+    let decoding = RgbImage::decoding_bytes(&listed.path, stored, &options.limits)?;
     let view = |(part, undistort): (&str, Option<Undistort>)| {
         let pinhole = undistort.map_or(lens, |plan| plan.pinhole);
         let turn = undistort.map_or(DMat3::IDENTITY, |plan| plan.turn);
         let size = shrunk(pinhole.size, options.max_size);
         let pinhole = pinhole.resized(size);
         let camera = Camera {
-            rotation: (turn * found.rotation).as_mat3(),
-            translation: (turn * (found.translation + found.rotation * origin)).as_vec3(),
+            rotation: (turn * listed.rotation).as_mat3(),
+            translation: (turn * (listed.translation + listed.rotation * origin)).as_vec3(),
             focal: pinhole.focal.as_vec2(),
             center: pinhole.center.as_vec2(),
             size,
         };
         camera.validate(&options.limits).map_err(|e| at_fault(e.to_string()))?;
         let photo = Photo {
-            path: found.path.clone(),
-            mask: found.mask.clone(),
+            path: listed.path.clone(),
+            mask: listed.mask.clone(),
+            // Along another axis than that of the lens depths differ.
+            depth: listed.depth.clone().filter(|_| part.is_empty()),
             size,
             stored,
             undistort,
@@ -348,18 +356,18 @@ fn open_photo(
             photo.decode()?;
         }
         // A wide photo has none: its points are in one of its views or another.
-        let tracked = if part.is_empty() { found.tracked.clone() } else { Vec::new() };
+        let tracked = if part.is_empty() { listed.tracked.clone() } else { Vec::new() };
         Ok(View {
-            name: views::name(&found.name, part),
+            name: views::name(&listed.name, part),
             camera,
             photo,
-            test: found.held_out,
+            test: listed.held_out,
             tracked,
         })
     };
     let plans = views::plans(&lens).map_err(at_fault)?;
     let views = plans.into_iter().map(view).collect::<Result<_>>()?;
-    Ok((views, warning.map(|w| format!("photo `{}`: {w}", found.name))))
+    Ok((views, warning.map(|w| format!("photo `{}`: {w}", listed.name))))
 }
 
 /// Refuses a photo that alone takes more than the memory for photos.
@@ -422,10 +430,10 @@ fn shrunk(size: UVec2, max_size: Option<u32>) -> UVec2 {
 }
 
 /// Keeps the points with positions within [`MAX_DISTANCE`], relative to the origin.
-fn keep_points(found: Vec<FoundPoint>, dataset: &mut Dataset) {
-    let count = found.len();
+fn keep_points(points: Vec<ListedPoint>, dataset: &mut Dataset) {
+    let count = points.len();
     let mut numbers = vec![None; count];
-    for (FoundPoint { position, rgb, error, .. }, number) in found.into_iter().zip(&mut numbers) {
+    for (ListedPoint { position, rgb, error, .. }, number) in points.into_iter().zip(&mut numbers) {
         let position = (position - dataset.origin).as_vec3();
         if position.abs().max_element() <= MAX_DISTANCE as f32 {
             *number = Some(dataset.points.len() as u32);

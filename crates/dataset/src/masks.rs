@@ -1,7 +1,7 @@
 //! Finds the masks of photos, and refuses those that leave no pixel: nothing is learnt from black,
 //! and every drawing scores well.
 
-use super::found::{FoundDataset, is_picture};
+use super::listing::{DatasetListing, is_picture};
 use super::options::{DatasetOptions, Masks};
 use super::posed::{Dataset, View};
 use std::collections::HashMap;
@@ -14,12 +14,12 @@ const WHITE: u8 = 128;
 
 /// Looks for `masks/NAME.png` and `masks/NAME.jpg.png` (as COLMAP names them) where no mask is
 /// named, with any ending of pictures, in any case.
-pub(super) fn find_masks(found: &mut FoundDataset, options: &DatasetOptions) {
+pub(super) fn find_masks(listing: &mut DatasetListing, options: &DatasetOptions) {
     if options.masks == Masks::Off {
-        found.photos.iter_mut().for_each(|photo| photo.mask = None);
+        listing.photos.iter_mut().for_each(|photo| photo.mask = None);
         return;
     }
-    let folder = found.root.join("masks");
+    let folder = listing.root.join("masks");
     if !folder.is_dir() {
         return;
     }
@@ -32,15 +32,15 @@ pub(super) fn find_masks(found: &mut FoundDataset, options: &DatasetOptions) {
         masks.entry(lowercase(&name)).or_insert(file);
     }
     let mut without = 0;
-    for photo in found.photos.iter_mut().filter(|photo| photo.mask.is_none()) {
+    for photo in listing.photos.iter_mut().filter(|photo| photo.mask.is_none()) {
         let name = lowercase(Path::new(&photo.name));
         let mask = masks.get(&name.with_extension("")).or_else(|| masks.get(&name));
         photo.mask = mask.cloned();
         without += usize::from(photo.mask.is_none());
     }
     if without > 0 {
-        let total = found.photos.len();
-        found
+        let total = listing.photos.len();
+        listing
             .warnings
             .push(format!("{without} of {total} photos have no picture in {}", folder.display()));
     }

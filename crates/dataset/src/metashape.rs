@@ -9,8 +9,8 @@
 //! u = w / 2 + cx + x' (f + b1) + y' b2        v = h / 2 + cy + y' f
 //! ```
 
-use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
 use super::lens::{Distortion, Lens, LensProjection};
+use super::listing::{DatasetListing, LensClaim, ListedPhoto, NamedFiles};
 use super::options::DatasetOptions;
 use super::posed::DatasetKind;
 use glam::{DMat3, DMat4, DVec2, DVec3, UVec2};
@@ -154,7 +154,7 @@ fn check_depth(text: &str) -> Result<(), String> {
 }
 
 /// Reads `file` and finds its photos.
-pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
+pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<DatasetListing> {
     let text = input::read_text(file, &options.limits)?;
     let wrong = |fault: String| {
         let reason =
@@ -186,7 +186,7 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
         let path = files.find(&at, &camera.label)?;
         let name = files.name_of(&path);
         match camera.pose(place) {
-            Ok(pose) => photos.push(FoundPhoto::posed(name, path, pose, lens)),
+            Ok(pose) => photos.push(ListedPhoto::posed(name, path, pose, lens)),
             Err(reason) => broken.push((name, wrong(reason))),
         }
     }
@@ -200,7 +200,7 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     let kind = DatasetKind::Metashape;
     let list = file.to_owned();
     let points = Vec::new();
-    Ok(FoundDataset { kind, root, list, photos, broken, points, warnings })
+    Ok(DatasetListing { kind, root, list, photos, broken, points, warnings })
 }
 
 /// Reason of a file without poses.

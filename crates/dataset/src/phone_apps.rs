@@ -7,7 +7,7 @@
 //! * Record3D: `metadata` has `poses`, a quaternion x y z w and a place for each picture of `rgb` (or
 //!   `rgbd`), and the lens: `K` by columns, or `perFrameIntrinsicCoeffs`.
 
-use super::found::{FoundDataset, is_json};
+use super::listing::{DatasetListing, is_json};
 use super::options::DatasetOptions;
 use super::posed::DatasetKind;
 use super::transforms::{FrameRow, TransformsList, quoted};
@@ -61,7 +61,7 @@ fn object(file: &Path, limits: &Limits) -> Result<Map<String, Value>> {
 }
 
 /// Reads the cameras of Polycam in `cameras`, and finds their photos.
-pub(super) fn read_polycam(cameras: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
+pub(super) fn read_polycam(cameras: &Path, options: &DatasetOptions) -> Result<DatasetListing> {
     let base = cameras.parent().unwrap_or(Path::new(""));
     let is_below = base.file_name().is_some_and(|name| name == "keyframes");
     let root = if is_below { base.parent().unwrap_or(Path::new("")) } else { base };
@@ -78,6 +78,11 @@ pub(super) fn read_polycam(cameras: &Path, options: &DatasetOptions) -> Result<F
         own.insert("transform_matrix".into(), json!(matrix));
         let stem = file.file_stem().unwrap_or_default().to_string_lossy();
         let file_path = format!("{}/{stem}", pictures.display());
+        let depth = base.join("depth").join(format!("{stem}.png"));
+        if depth.is_file() {
+            let depth = depth.strip_prefix(root).unwrap_or(&depth);
+            own.insert("depth_file_path".into(), json!(depth));
+        }
         frames.push(FrameRow { file_path, mask_path: None, own });
     }
     let options = DatasetOptions { images: pictures, ..options.clone() };
@@ -86,7 +91,7 @@ pub(super) fn read_polycam(cameras: &Path, options: &DatasetOptions) -> Result<F
 }
 
 /// Reads Record3D's `file`, and finds its photos.
-pub(super) fn read_record3d(file: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
+pub(super) fn read_record3d(file: &Path, options: &DatasetOptions) -> Result<DatasetListing> {
     let root = file.parent().unwrap_or(Path::new(""));
     let metadata = object(file, &options.limits)?;
     let poses = metadata.get("poses").and_then(Value::as_array).ok_or_else(|| {

@@ -1,5 +1,6 @@
 //! One photo: on disk with its processing steps, or drawn, in memory or in a temporary file.
 
+use super::depth::{DepthMap, DepthPicture, PlaceInFile};
 use super::lens::Undistort;
 use super::options::PhotoBackground;
 use glam::UVec2;
@@ -17,6 +18,8 @@ pub struct Photo {
     pub path: PathBuf,
     /// The mask, as large as the photo.
     pub mask: Option<PathBuf>,
+    /// The depth map, with the shape of the photo.
+    pub(super) depth: Option<DepthMap>,
     /// Width and height as delivered, px.
     pub size: UVec2,
     /// Width and height of the file, px.
@@ -85,6 +88,7 @@ impl Photo {
         Self {
             path: PathBuf::new(),
             mask: None,
+            depth: None,
             size,
             stored: size,
             undistort: None,
@@ -136,6 +140,23 @@ impl Photo {
             Some(crop) => whole.part(crop.corner, self.size),
             None => whole,
         })
+    }
+
+    /// The file of its depth map.
+    pub fn depth(&self) -> Option<&DepthMap> {
+        self.depth.as_ref()
+    }
+
+    /// Its depth map, decoded; `None` without one.
+    ///
+    /// # Errors
+    ///
+    /// A file that cannot be decoded, or is no grey PNG.
+    pub fn decode_depth(&self) -> Result<Option<DepthPicture>> {
+        let crop = self.crop.unwrap_or(Crop { corner: UVec2::ZERO, whole: self.size });
+        let place =
+            PlaceInFile { whole: crop.whole, corner: crop.corner, undistort: self.undistort };
+        self.depth.as_ref().map(|map| map.decode(place, &self.limits)).transpose()
     }
 
     /// The mask alone, undistorted but not shrunk: its size and weights. `None` without a mask.

@@ -302,6 +302,7 @@ mod tests {
             Photo {
                 path,
                 mask: None,
+                depth: None,
                 size: SIZE,
                 stored: SIZE,
                 undistort: None,

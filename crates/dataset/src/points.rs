@@ -1,6 +1,6 @@
 //! Sparse clouds: from a PLY file beside a `transforms.json`, or at random in the cameras' views.
 
-use super::colmap_model::FoundPoint;
+use super::colmap_model::ListedPoint;
 use super::posed::{Point, View};
 use glam::{DVec3, Vec2, Vec3};
 use std::path::Path;
@@ -16,7 +16,7 @@ const GREY: [u8; 3] = [128; 3];
 
 /// The points of a PLY file: x, y, z and, if they are bytes, red, green, blue of the element
 /// `vertex`.
-pub(super) fn read_ply(path: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
+pub(super) fn read_ply(path: &Path, limits: &Limits) -> Result<Vec<ListedPoint>> {
     let mut source = Source::open(path, limits)?;
     let header = ply::header::read(&mut source)?;
     let table = ply::points(&source, &header, limits)?;
@@ -30,7 +30,7 @@ pub(super) fn read_ply(path: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> 
     table.each_row(|_, row| {
         let position = DVec3::from(position.map(|column| column.f64(row)));
         let rgb = rgb.map_or(GREY, |columns: [Column; 3]| columns.map(|c| c.int(row) as u8));
-        points.push(FoundPoint { id: 0, position, rgb, error: None });
+        points.push(ListedPoint { id: 0, position, rgb, error: None });
         Ok(())
     })?;
     Ok(points)
@@ -118,7 +118,7 @@ mod tests {
     use super::*;
     use glam::UVec2;
 
-    fn read_bytes(bytes: &[u8]) -> Result<Vec<FoundPoint>> {
+    fn read_bytes(bytes: &[u8]) -> Result<Vec<ListedPoint>> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("points.ply");
         std::fs::write(&path, bytes).unwrap();

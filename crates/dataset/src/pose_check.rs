@@ -13,15 +13,18 @@ const MIN_POINTS: usize = 50;
 /// Share of the points that some camera shows where poses are right.
 const MIN_SHOWN: f64 = 0.5;
 
+/// The pose that was meant shows a point to this many times as many cameras.
+const MIN_GAIN: f64 = 2.0;
+
 /// World to camera, in f64.
 #[derive(Clone, Copy)]
-struct Pose {
-    rotation: DMat3,
-    translation: DVec3,
+pub(super) struct Pose {
+    pub(super) rotation: DMat3,
+    pub(super) translation: DVec3,
 }
 
 /// A mistake: the name of what the poses are, the remedy, and the pose that was meant.
-type Mistake = (&'static str, &'static str, fn(Pose) -> Pose);
+pub(super) type Mistake = (&'static str, &'static str, fn(Pose) -> Pose);
 
 /// Mistakes of those who write a `transforms.json`.
 const IN_TRANSFORMS: [Mistake; 3] = [
@@ -66,44 +69,86 @@ fn inverse(pose: Pose) -> Pose {
 }
 
 /// The warning that cameras do not show the points, with the reason if one of the usual mistakes
-/// explains it.
+/// explains it. Where photos track points, their reader compares places in photos instead.
 pub(super) fn unseen_points(dataset: &Dataset) -> Option<String> {
     let points: Vec<DVec3> = evenly_spaced(dataset.points.len(), POINTS)
         .map(|i| dataset.points[i].position.as_dvec3() + dataset.origin)
         .collect();
-    let poses: Vec<Pose> =
-        dataset.views.iter().map(|view| world_pose(&view.camera, dataset.origin)).collect();
-    let shown = |change: fn(Pose) -> Pose| {
-        let cameras: Vec<(Pose, &Camera)> =
-            poses.iter().zip(&dataset.views).map(|(pose, v)| (change(*pose), &v.camera)).collect();
-        let is_shown =
-            |point: &&DVec3| cameras.iter().any(|(pose, camera)| pose.shows(camera, **point));
-        points.iter().filter(is_shown).count() as f64 / points.len() as f64
+    if points.len() < MIN_POINTS || dataset.has_tracks() {
+        return None;
+    }
+    let poses: Vec<(Pose, Camera)> = dataset
+        .views
+        .iter()
+        .map(|view| (world_pose(&view.camera, dataset.origin), view.camera))
+        .collect();
+    let shown = ShownShares::of(&points, &poses, |pose| pose);
+    let tried = mistakes(dataset.kind)
+        .map(|mistake| (ShownShares::of(&points, &poses, mistake.2), mistake));
+    // The first of equals is the simplest.
+    let best = |share: fn(&ShownShares) -> f64| {
+        tried.iter().rev().max_by(|a, b| share(&a.0).total_cmp(&share(&b.0)))
     };
-    if points.len() < MIN_POINTS {
-        return None;
+    if shown.any < MIN_SHOWN {
+        let seen = format!(
+            "only {:.0}% of the points are in front of and inside any camera",
+            100.0 * shown.any
+        );
+        return Some(match best(|shares| shares.any) {
+            Some((better, (name, remedy, _))) if better.any >= MIN_SHOWN.max(1.5 * shown.any) => {
+                format!(
+                    "{seen}; read as poses {name} it would be {:.0}%: {remedy}",
+                    100.0 * better.any
+                )
+            }
+            _ => format!(
+                "{seen}: poses and points may be of two worlds, or much was not photographed"
+            ),
+        });
     }
-    let share = shown(|pose| pose);
-    if share >= MIN_SHOWN {
-        return None;
-    }
-    let mistakes = match dataset.kind {
+    // Around an object, wrong poses stand in its middle, and some look at any point.
+    let (better, (name, remedy, _)) = best(|shares| shares.mean)?;
+    (better.mean >= MIN_SHOWN && better.mean >= MIN_GAIN * shown.mean).then(|| {
+        format!(
+            "a point is in front of and inside only {:.0}% of the cameras; read as poses {name} it \
+             would be {:.0}%: {remedy}",
+            100.0 * shown.mean,
+            100.0 * better.mean
+        )
+    })
+}
+
+/// The mistakes of those who write poses of this kind.
+pub(super) fn mistakes(kind: DatasetKind) -> [Mistake; 3] {
+    match kind {
         DatasetKind::ColmapBinary | DatasetKind::ColmapText => IN_COLMAP,
         _ => IN_TRANSFORMS,
-    };
-    let tried = mistakes.map(|(name, remedy, change)| (shown(change), name, remedy));
-    // The first of equals is the simplest.
-    let best = tried.into_iter().rev().max_by(|a, b| a.0.total_cmp(&b.0));
-    let seen =
-        format!("only {:.0}% of the points are in front of and inside any camera", 100.0 * share);
-    Some(match best.filter(|(better, ..)| *better >= MIN_SHOWN.max(1.5 * share)) {
-        Some((better, name, remedy)) => {
-            format!("{seen}; read as poses {name} it would be {:.0}%: {remedy}", 100.0 * better)
+    }
+}
+
+/// Shares of points that cameras show.
+struct ShownShares {
+    /// Points that some camera shows.
+    any: f64,
+    /// Cameras that show a point, on average.
+    mean: f64,
+}
+
+impl ShownShares {
+    /// Of cameras with changed poses.
+    fn of(points: &[DVec3], cameras: &[(Pose, Camera)], change: fn(Pose) -> Pose) -> Self {
+        let cameras: Vec<(Pose, &Camera)> =
+            cameras.iter().map(|(pose, camera)| (change(*pose), camera)).collect();
+        let mut some = 0;
+        let mut all = 0;
+        for point in points {
+            let count = cameras.iter().filter(|(pose, camera)| pose.shows(camera, *point)).count();
+            some += usize::from(count > 0);
+            all += count;
         }
-        None => {
-            format!("{seen}: poses and points may be of two worlds, or much was not photographed")
-        }
-    })
+        let count = points.len() as f64;
+        Self { any: some as f64 / count, mean: all as f64 / count / cameras.len() as f64 }
+    }
 }
 
 fn world_pose(camera: &Camera, origin: DVec3) -> Pose {

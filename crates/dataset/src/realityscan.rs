@@ -6,8 +6,8 @@
 //! Brown's coefficients. A photo with three angles of 0 looks down, its upper edge to +y;
 //! tangential coefficients are in the order opposite to OpenCV's.
 
-use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
 use super::lens::Distortion;
+use super::listing::{DatasetListing, LensClaim, ListedPhoto, NamedFiles};
 use super::options::DatasetOptions;
 use super::posed::DatasetKind;
 use glam::{DMat3, DVec2, DVec3};
@@ -53,7 +53,7 @@ pub(super) fn locate(root: &Path) -> Option<PathBuf> {
 }
 
 /// Reads `file` and finds its photos.
-pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
+pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<DatasetListing> {
     let text = input::read_text(file, &options.limits)?;
     let wrong =
         |line: usize, reason: String| Error::malformed(file, format!("line {}", line + 1), reason);
@@ -102,10 +102,15 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     let kind = DatasetKind::RealityScan;
     let list = file.to_owned();
     let points = Vec::new();
-    Ok(FoundDataset { kind, root, list, photos, broken, points, warnings })
+    Ok(DatasetListing { kind, root, list, photos, broken, points, warnings })
 }
 
-fn photo(name: String, path: PathBuf, numbers: &[f64; 15], options: &DatasetOptions) -> FoundPhoto {
+fn photo(
+    name: String,
+    path: PathBuf,
+    numbers: &[f64; 15],
+    options: &DatasetOptions,
+) -> ListedPhoto {
     let &[x, y, z, heading, pitch, roll, f, px, py, k1, k2, k3, k4, t1, t2] = numbers;
     let [heading, pitch, roll] = [heading, pitch, roll].map(f64::to_radians);
     // Right, up, backwards in the world.
@@ -131,12 +136,12 @@ fn photo(name: String, path: PathBuf, numbers: &[f64; 15], options: &DatasetOpti
     };
     let rotation = to_world.transpose();
     let translation = -(rotation * DVec3::new(x, y, z));
-    FoundPhoto::posed(name, path, (rotation, translation), lens)
+    ListedPhoto::posed(name, path, (rotation, translation), lens)
 }
 
 /// Refuses places in degrees of longitude and latitude with heights in metres.
-fn check_places(file: &Path, photos: &[FoundPhoto]) -> Result<()> {
-    let places = || photos.iter().map(FoundPhoto::center);
+fn check_places(file: &Path, photos: &[ListedPhoto]) -> Result<()> {
+    let places = || photos.iter().map(ListedPhoto::center);
     let low = places().fold(DVec3::INFINITY, DVec3::min);
     let high = places().fold(DVec3::NEG_INFINITY, DVec3::max);
     let on_earth = low.x >= -180.0 && high.x <= 180.0 && low.y >= -90.0 && high.y <= 90.0;

@@ -7,9 +7,10 @@
 //! R = (M diag(1, -1, -1))^T        t = -R c        M, c: rotation and column 3 of transform_matrix
 //! ```
 
-use super::colmap_model::FoundPoint;
-use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
+use super::colmap_model::ListedPoint;
+use super::depth::DepthMap;
 use super::lens::{Distortion, LensProjection};
+use super::listing::{DatasetListing, LensClaim, ListedPhoto, NamedFiles};
 use super::options::DatasetOptions;
 use super::points::read_ply;
 use super::posed::DatasetKind;
@@ -58,7 +59,7 @@ impl TransformsList<'_> {
         &self,
         frames: Vec<FrameRow>,
         options: &DatasetOptions,
-    ) -> Result<FoundDataset> {
+    ) -> Result<DatasetListing> {
         let mut files = NamedFiles::new(self.file, self.root, options);
         let mut broken = Vec::new();
         let mut transforms = Transforms {
@@ -70,7 +71,7 @@ impl TransformsList<'_> {
             shared: Map::new(),
         };
         let photos = transforms.posed(&mut files, &mut broken)?;
-        Ok(FoundDataset {
+        Ok(DatasetListing {
             kind: self.kind,
             root: self.root.to_owned(),
             list: self.file.to_owned(),
@@ -92,7 +93,7 @@ pub(super) fn locate(root: &Path) -> Option<PathBuf> {
 
 /// Reads `file`, and beside it the held-out frames of `transforms_test.json`, or else of
 /// `transforms_val.json`.
-pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
+pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<DatasetListing> {
     let root = file.parent().unwrap_or(Path::new("")).to_owned();
     let mut transforms = parse(file, &options.limits)?;
     let mut files = NamedFiles::new(file, &root, options);
@@ -120,7 +121,7 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     let kind = DatasetKind::Transforms;
     let list = file.to_owned();
     let photos = frames;
-    Ok(FoundDataset { kind, root, list, photos, broken, points, warnings })
+    Ok(DatasetListing { kind, root, list, photos, broken, points, warnings })
 }
 
 impl Transforms {
@@ -129,7 +130,7 @@ impl Transforms {
         &mut self,
         files: &mut NamedFiles,
         broken: &mut Vec<(String, Error)>,
-    ) -> Result<Vec<FoundPhoto>> {
+    ) -> Result<Vec<ListedPhoto>> {
         let mut frames = Vec::with_capacity(self.frames.len());
         let rows = std::mem::take(&mut self.frames);
         for (index, row) in rows.into_iter().enumerate() {
@@ -150,7 +151,7 @@ impl Transforms {
 fn split(
     file: &Path,
     transforms: &Transforms,
-    frames: &mut Vec<FoundPhoto>,
+    frames: &mut Vec<ListedPhoto>,
 ) -> Result<Option<String>> {
     let Transforms { train_filenames, val_filenames, test_filenames, .. } = transforms;
     let some = |list: &&Vec<String>| !list.is_empty();
@@ -183,7 +184,7 @@ fn plain(name: &str) -> String {
 }
 
 /// The cloud that `file` names.
-fn points(file: &Path, ply: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
+fn points(file: &Path, ply: &Path, limits: &Limits) -> Result<Vec<ListedPoint>> {
     if !ply.exists() {
         let reason = format!(
             "{} does not exist; restore it, or remove the key to have points found",
@@ -237,7 +238,7 @@ pub(super) fn quoted(text: &str) -> String {
 /// Adds the frames of another file, held out; a photo in both files is held out too. Returns
 /// warnings.
 fn add_held_out(
-    frames: &mut Vec<FoundPhoto>,
+    frames: &mut Vec<ListedPhoto>,
     broken: &mut Vec<(String, Error)>,
     file: &Path,
     options: &DatasetOptions,
@@ -252,7 +253,7 @@ fn add_held_out(
             Some(&i) => frames[i].held_out = true,
             None => {
                 known.insert(held.name.clone(), frames.len());
-                frames.push(FoundPhoto { held_out: true, ..held });
+                frames.push(ListedPhoto { held_out: true, ..held });
             }
         }
     }
@@ -265,7 +266,7 @@ fn frame(
     index: usize,
     row: &FrameRow,
     shared: &Map<String, Value>,
-) -> Result<Result<FoundPhoto, (String, Error)>> {
+) -> Result<Result<ListedPhoto, (String, Error)>> {
     let file = files.list;
     let place = format!("frame {index} `{}`", plain(&row.file_path));
     let path = files.find(&place, &row.file_path)?;
@@ -273,11 +274,17 @@ fn frame(
     let bad = |reason: String| Error::malformed(file, &place, reason);
     let name = files.name_of(&path);
     let keys = Keys { own: &row.own, shared };
+    let depth = match keys.value::<String>("depth_file_path").map_err(bad)? {
+        Some(depth) => files.find_depth(&place, &depth)?,
+        None => None,
+    };
+    let unit = keys.depth_unit().map_err(bad)?;
+    let depth = depth.map(|path| DepthMap::linear(path, unit));
     let lens = keys
         .lens(keys.projection().map_err(|reason| Error::unsupported(file, reason))?)
         .map_err(bad)?;
     Ok(match keys.matrix().and_then(|matrix| pose(&matrix)) {
-        Ok(pose) => Ok(FoundPhoto { mask, ..FoundPhoto::posed(name, path, pose, lens) }),
+        Ok(pose) => Ok(ListedPhoto { mask, depth, ..ListedPhoto::posed(name, path, pose, lens) }),
         Err(reason) => Err((name, bad(reason))),
     })
 }
@@ -375,6 +382,15 @@ impl Keys<'_> {
             }
         }
         Ok(None)
+    }
+
+    /// World units of a code of depth maps: millimetres, as phones and nerfstudio have them.
+    fn depth_unit(&self) -> Result<f64, String> {
+        let unit = self.number("depth_unit_scale_factor")?.unwrap_or(1e-3);
+        let is_unit = unit > 0.0 && unit.is_finite();
+        is_unit
+            .then_some(unit)
+            .ok_or_else(|| format!("depth_unit_scale_factor is {unit}: expected a number above 0"))
     }
 
     fn projection(&self) -> Result<LensProjection, String> {

@@ -174,6 +174,7 @@ mod tests {
         seed: 0,
         transparent: false,
         phone: false,
+        depth: false,
     };
 
     fn photos() -> Dataset {

@@ -3,6 +3,7 @@
 //! Colours are sRGB-encoded throughout, and averages are computed on encoded values, as in the
 //! literature (3DGS, Held et al. 2025).
 
+mod codes;
 mod decode;
 mod mask;
 mod png;
@@ -140,6 +141,16 @@ impl RgbImage {
     /// luma, and 0 and 1 become 0 and 255.
     pub fn load_mask(path: &Path, limits: &Limits) -> Result<(UVec2, Vec<u8>)> {
         mask::load(path, limits)
+    }
+
+    /// Reads a grey PNG of numbers, as a depth map, within `limits`: its size and the codes of
+    /// its pixels as stored, rows from the top.
+    ///
+    /// # Errors
+    ///
+    /// As of [`RgbImage::load_within`]; another format; colours.
+    pub fn load_codes(path: &Path, limits: &Limits) -> Result<(UVec2, Vec<u16>)> {
+        codes::load(path, limits)
     }
 
     /// Width and height of a picture file, from its first bytes; an error when they exceed `limits`

@@ -3,6 +3,7 @@
 //! It contains no camera's data, so it can be distributed, and every number in it can be checked.
 
 mod colmap;
+mod depth;
 mod phone;
 mod scene;
 pub mod soups;
@@ -45,11 +46,22 @@ pub struct SyntheticOptions {
     /// noise, and poses half a pixel off. `truth.json` has the true values.
     #[arg(long, conflicts_with = "transparent")]
     pub phone: bool,
+    /// Write depth maps as a phone measures them: half as wide, 1% of noise, with holes.
+    #[arg(long)]
+    pub depth: bool,
 }
 
 impl Default for SyntheticOptions {
     fn default() -> Self {
-        Self { views: 40, width: 160, points: 1500, seed: 0, transparent: false, phone: false }
+        Self {
+            views: 40,
+            width: 160,
+            points: 1500,
+            seed: 0,
+            transparent: false,
+            phone: false,
+            depth: false,
+        }
     }
 }
 
@@ -66,6 +78,9 @@ const OBSERVATION_NOISE_PX: f64 = 0.25;
 /// `test.txt` with every 8th photo. Other files in `folder` are left alone.
 pub fn write(folder: &Path, options: &SyntheticOptions) -> Result<()> {
     write_poses(folder, options)?;
+    if options.depth {
+        depth::write(folder, options)?;
+    }
     let images = folder.join("images");
     std::fs::create_dir_all(&images).map_err(|e| Error::io(&images, e))?;
     (0..options.views).try_for_each(|index| {

@@ -1,6 +1,6 @@
 //! The photos step: upright photos in one folder, in file formats that every pose program reads.
 
-use super::heic::{Converter, is_heic};
+use super::heic::Converter;
 use super::kind::FileKind;
 use super::log::{Log, tell};
 use super::program::CaptureOptions;
@@ -187,7 +187,8 @@ pub(super) fn collect(
     let made = AtomicFolder::create(folder)?;
     let mut opened = Vec::new();
     let mut broken = Vec::new();
-    let heic = sources.photos.iter().map(|photo| photo.path.as_path()).filter(|path| is_heic(path));
+    let heic = sources.photos.iter().filter(|photo| photo.is_heic);
+    let heic = heic.map(|photo| photo.path.as_path());
     let converter = Converter::find(options, &heic.collect::<Vec<_>>(), made.path())?;
     let open =
         |photo: &SourcePhoto| Ok(open(photo, converter.as_ref()).map_err(|e| e.about(&photo.path)));
@@ -315,7 +316,7 @@ fn in_chunks<A: Sync, B: Send>(
 /// Reads a photo's size and EXIF; of a HEIC photo, what the converter makes of it.
 fn open(photo: &SourcePhoto, converter: Option<&Converter>) -> Result<OpenedPhoto> {
     let limits = &Limits::DEFAULT;
-    let converter = converter.filter(|_| is_heic(&photo.path));
+    let converter = converter.filter(|_| photo.is_heic);
     let mut source = photo.clone();
     let mut file = photo.path.clone();
     if let Some(converter) = converter {
@@ -465,7 +466,7 @@ mod tests {
     fn capture_gives_photos_of_one_stem_distinct_names() {
         let photos = ["A.png", "a.PNG", "b-2.PNG", "a.jpg", "a.webp", "a.tif", "b.c/d.tif"];
         let opened = photos.map(|name| OpenedPhoto {
-            source: SourcePhoto { path: PathBuf::new(), name: name.to_owned() },
+            source: SourcePhoto { path: PathBuf::new(), name: name.to_owned(), is_heic: false },
             file: PathBuf::new(),
             notes: PhotoNotes::default(),
             size: UVec2::ONE,
@@ -486,7 +487,11 @@ mod tests {
     #[test]
     fn small_copies_among_large_photos_are_left_out() {
         let photo = |side: u32| OpenedPhoto {
-            source: SourcePhoto { path: PathBuf::from(format!("{side}.jpg")), name: String::new() },
+            source: SourcePhoto {
+                path: PathBuf::from(format!("{side}.jpg")),
+                name: String::new(),
+                is_heic: false,
+            },
             file: PathBuf::new(),
             notes: PhotoNotes::default(),
             size: UVec2::new(side / 2, side),

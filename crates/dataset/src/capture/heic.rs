@@ -1,6 +1,5 @@
 //! HEIC, as iPhones take photos, and AVIF: an installed program makes JPEG files of them.
 
-use super::kind::FileKind;
 use super::log::program;
 use super::program::{CaptureOptions, python_script, pythons};
 use super::video::FFMPEG;
@@ -33,11 +32,6 @@ pillow_heif.register_heif_opener()
 Image.open(sys.argv[1]).convert('RGB').save(sys.argv[2], quality=97)";
 /// Photos that are tried, should the first be broken.
 const TRIED: usize = 3;
-
-/// True for a photo that needs another program.
-pub(super) fn is_heic(path: &Path) -> bool {
-    FileKind::of(path) == FileKind::Heic
-}
 
 /// An installed program that reads them.
 #[derive(Debug)]

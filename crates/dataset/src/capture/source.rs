@@ -2,6 +2,7 @@
 //! and programs put beside them.
 
 use super::kind::{FileKind, video_seconds};
+use crate::listing::is_beside_photos;
 use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 use trisplat_scene::atomic::safe_name;
@@ -9,9 +10,6 @@ use trisplat_scene::input::{self, files_below};
 use trisplat_scene::report::counted;
 use trisplat_scene::{Error, Limits, Result};
 
-/// Folders of small copies of photos, and of pictures of another kind that belong to them.
-const COMPANIONS: [&str; 8] =
-    ["thumbs", "thumbnails", "mask", "masks", "depth", "depths", "confidence", "__macosx"];
 /// Longest clip of a Live Photo, seconds: phones record three.
 const MAX_CLIP_SECONDS: f64 = 4.0;
 /// Fewer photos are no capture, but covers of videos.
@@ -39,6 +37,8 @@ pub(super) struct SourcePhoto {
     pub(super) path: PathBuf,
     /// Its path relative to the given folder, as a relative path that is safe to write.
     pub(super) name: String,
+    /// True for HEIC or AVIF, which another program reads.
+    pub(super) is_heic: bool,
 }
 
 impl CaptureSources {
@@ -142,7 +142,7 @@ impl CaptureSources {
             if name.starts_with('.') {
                 continue;
             }
-            if is_companion_folder(&name) && path.is_dir() {
+            if is_beside_photos(&name) && path.is_dir() {
                 self.copies.extend(camera_files(&path));
                 continue;
             }
@@ -162,8 +162,9 @@ impl CaptureSources {
         match FileKind::of(path) {
             FileKind::Other => return Ok(false),
             _ if !self.take(path)? => {}
-            FileKind::Photo | FileKind::Heic => {
-                self.photos.push(SourcePhoto { path: path.to_owned(), name });
+            kind @ (FileKind::Photo | FileKind::Heic) => {
+                let is_heic = kind == FileKind::Heic;
+                self.photos.push(SourcePhoto { path: path.to_owned(), name, is_heic });
             }
             FileKind::Video => self.videos.push(path.to_owned()),
             FileKind::Raw => self.raws.push(path.to_owned()),
@@ -227,12 +228,6 @@ pub fn camera_files(input: &Path) -> Vec<PathBuf> {
 /// True for a file name that ends like that of a photo or a video.
 pub fn is_camera_file(path: &Path) -> bool {
     FileKind::of_name(path) != FileKind::Other
-}
-
-/// True for a folder of small copies of photos, or of pictures that belong to them.
-fn is_companion_folder(name: &str) -> bool {
-    // Folders of network drives: @eaDir, #recycle, $RECYCLE.BIN.
-    name.starts_with(['@', '#', '$']) || COMPANIONS.contains(&name.to_lowercase().as_str())
 }
 
 /// A path without its extension, in lower case.

@@ -223,6 +223,43 @@ fn binary_model() -> [(&'static str, Vec<u8>); 3] {
 }
 
 #[test]
+fn poses_of_colmap_that_are_none_are_left_out_if_wanted() {
+    let folder = tempfile::tempdir().unwrap();
+    copy_sample(folder.path());
+    let sparse = folder.path().join("sparse/0");
+    let list = sparse.join("images.txt");
+    let text = std::fs::read_to_string(&list).unwrap();
+    let skipping = DatasetOptions { skip_broken: true, ..DatasetOptions::default() };
+    let pose = |line: &str, numbers: &str| {
+        let tail: Vec<&str> = line.split(' ').skip(8).collect();
+        format!("1 {numbers} {}", tail.join(" "))
+    };
+    let first = text.lines().find(|line| line.ends_with("view_0000.png")).unwrap();
+    for numbers in ["nan nan nan nan 0 0 4", "1 0 0 0 0 -nan 4", "0 0 0 0 0 0 4", "1 0 0 0 inf 0 4"]
+    {
+        std::fs::write(&list, text.replace(first, &pose(first, numbers))).unwrap();
+        let error = error_of(folder.path());
+        for part in
+            ["images.txt", "view_0000.png", "line 3", "has no pose", "1 of 40", "skip_broken"]
+        {
+            assert!(error.contains(part), "`{part}` is missing from: {error}");
+        }
+        let dataset = Dataset::load(folder.path(), &skipping).unwrap();
+        assert_eq!(dataset.views.len(), 39);
+        assert!(dataset.warnings[0].contains("left out"), "{:?}", dataset.warnings);
+        assert!(dataset.reprojection(&Limits::DEFAULT).unwrap().unwrap().mean_px < 1.0);
+    }
+    std::fs::remove_file(folder.path().join("test.txt")).unwrap();
+    let mut model = binary_model();
+    model[1].1[12..20].copy_from_slice(&f64::NAN.to_le_bytes());
+    for (name, bytes) in &model {
+        std::fs::write(sparse.join(name), bytes).unwrap();
+    }
+    assert!(error_of(folder.path()).contains("image `view_0000.png` has no pose"));
+    assert_eq!(Dataset::load(folder.path(), &skipping).unwrap().views.len(), 1);
+}
+
+#[test]
 fn colmap_binary_cuts_and_flipped_bytes_are_survived() {
     let folder = tempfile::tempdir().unwrap();
     copy_sample(folder.path());

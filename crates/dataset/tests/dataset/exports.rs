@@ -126,6 +126,44 @@ fn photos_of_one_name_in_two_folders_are_told() {
     told(table(&["view_0001.png", "view_0003.png"]));
 }
 
+/// Around the origin wrong poses stand in the middle, and some of them look at any point.
+#[test]
+fn inverted_poses_of_a_centred_orbit_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    copy_sample(folder.path());
+    let dataset = load(folder.path());
+    let row = |p: &trisplat_dataset::Point| {
+        format!("{} {} {}\n", p.position.x, p.position.y, p.position.z)
+    };
+    let near = dataset.points.iter().filter(|p| p.position.length() < 4.0);
+    let points: Vec<String> = near.map(row).collect();
+    let header = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nend_header\n",
+        points.len()
+    );
+    std::fs::write(folder.path().join("points.ply"), header + &points.concat()).unwrap();
+    let flip = DMat4::from_mat3(DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)));
+    let told = |change: &dyn Fn(DMat4) -> DMat4| {
+        let row = |view: &View| {
+            let pose = DMat4::from_translation(view.camera.translation.as_dvec3())
+                * DMat4::from_mat3(view.camera.rotation.as_dmat3());
+            let m = change(pose).transpose().to_cols_array();
+            let m = &m.as_chunks::<4>().0[..3];
+            format!("{{\"file_path\": \"images/{}\", \"transform_matrix\": {m:?}}}", view.name)
+        };
+        let rows = dataset.views.iter().map(row).collect::<Vec<_>>().join(",");
+        let file = folder.path().join("transforms.json");
+        let text = format!("{{{LENS}, \"ply_file_path\": \"points.ply\", \"frames\": [{rows}]}}");
+        std::fs::write(&file, text).unwrap();
+        let warnings = load(&file).warnings;
+        warnings.into_iter().filter(|warning| warning.contains("in front of")).collect::<Vec<_>>()
+    };
+    assert_eq!(told(&|pose| pose.inverse() * flip), [""; 0]);
+    assert!(told(&|pose| flip * pose)[0].contains("from world to camera it would be"));
+    let opencv = told(&|pose| pose);
+    assert!(opencv[0].contains("from world to camera with OpenCV's axes"), "{opencv:?}");
+}
+
 #[test]
 fn poses_of_another_convention_are_named_with_the_way() {
     // Around the origin, or from all sides, inverted poses show points too.

@@ -1,6 +1,7 @@
 //! Data sets: real photos, the sample, lenses and options.
 
 mod broken;
+mod depth;
 mod exports;
 mod masks;
 mod models;

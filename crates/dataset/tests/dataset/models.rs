@@ -1,6 +1,7 @@
 //! Models that fell apart, points of others, poses that hang on nothing, photos that are none.
 
 use super::*;
+use glam::DMat3;
 
 /// The rows of the sample's images.txt: a pose and its observations.
 fn image_rows(sparse: &Path) -> Vec<[String; 2]> {
@@ -33,6 +34,50 @@ fn of_several_models_the_largest_is_taken_and_named() {
     }
     assert_eq!(load(&second).warnings, [""; 0], "a model that was asked for");
     assert_eq!(load(&first).views.len(), 2);
+}
+
+#[test]
+fn a_model_of_another_convention_is_named_with_the_way() {
+    let folder = tempfile::tempdir().unwrap();
+    copy_sample(folder.path());
+    let views = load(folder.path()).views;
+    let sparse = folder.path().join("sparse/0");
+    let rows = image_rows(&sparse);
+    type Change = fn(DMat3, DVec3) -> (DMat3, DVec3);
+    let changes: [(Change, &str); 2] = [
+        (
+            |rotation, t| (rotation.transpose(), -(rotation.transpose() * t)),
+            "from camera to world: invert each pose",
+        ),
+        (
+            |rotation, t| {
+                let turn = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
+                (turn * rotation, turn * t)
+            },
+            "with OpenGL's axes (x right, y up, z back): multiply rows 2 and 3",
+        ),
+    ];
+    for (change, part) in changes {
+        let changed: Vec<[String; 2]> = rows
+            .iter()
+            .zip(&views)
+            .map(|([_, seen], view)| {
+                let camera = view.camera;
+                let (rotation, t) =
+                    change(camera.rotation.as_dmat3(), camera.translation.as_dvec3());
+                let q = glam::DQuat::from_mat3(&rotation);
+                let pose = format!(
+                    "1 {} {} {} {} {} {} {} 1 {}",
+                    q.w, q.x, q.y, q.z, t.x, t.y, t.z, view.name
+                );
+                [pose, seen.clone()]
+            })
+            .collect();
+        write_rows(&sparse, &changed);
+        let dataset = load(folder.path());
+        assert!(dataset.warnings[0].contains(part), "{:?}", dataset.warnings);
+        assert_eq!(dataset.points, []);
+    }
 }
 
 #[test]

@@ -64,6 +64,39 @@ pub(super) fn decode(
     })
 }
 
+/// The codes of a grey picture as stored, and its size; `None` of colours or opacity. Its size has
+/// been checked.
+pub(super) fn codes(
+    path: &Path,
+    file: impl BufRead + Seek,
+    limits: &Limits,
+) -> Result<Option<(UVec2, Vec<u16>)>> {
+    let bad = |e| broken(path, e);
+    guarded(path, || {
+        let mut reader = open_reader(file).map_err(bad)?;
+        let size = UVec2::from(reader.info().size());
+        let (color, bits) = reader.output_color_type();
+        let bytes = reader.output_buffer_size().unwrap_or(usize::MAX);
+        let mut pixels: Vec<u8> = limits.zeroed(path.display(), bytes)?;
+        reader.next_frame(&mut pixels).map_err(bad)?;
+        let codes = match (color, bits) {
+            (ColorType::Grayscale, BitDepth::Sixteen) => {
+                pixels.chunks_exact(2).map(|b| u16::from_be_bytes([b[0], b[1]])).collect()
+            }
+            (ColorType::Grayscale, _) => pixels.into_iter().map(u16::from).collect(),
+            (ColorType::Rgb, BitDepth::Eight) => {
+                let pixels: &[[u8; 3]] = bytemuck::cast_slice(&pixels);
+                if !pixels.iter().all(|[r, g, b]| r == g && g == b) {
+                    return Ok(None);
+                }
+                pixels.iter().map(|pixel| u16::from(pixel[0])).collect()
+            }
+            _ => return Ok(None),
+        };
+        Ok(Some((size, codes)))
+    })
+}
+
 /// A picture of opaque colours or greys, shrunk to `size` while it is read, and its full size;
 /// `None` for one that is not larger, is not stored row after row, or that the decoder of whole
 /// pictures is to judge.

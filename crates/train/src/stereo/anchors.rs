@@ -6,13 +6,17 @@
 //! see through gets a triangle if the photos agree on its colour: a shiny surface looks better
 //! where the reflection seems to lie. A triangle a little off its anchors moves towards them.
 
-use super::propagation::{GrayImage, SeedPoint, SurfacePoint, propagate};
+use super::color_agreement::{MAX_COLOR_DEVIATION, color_deviations};
+use super::consistency::SurfacePoint;
+use super::gray_image::{gray_images, read_depths};
+use super::matching::{propagate, shared_points};
+use super::propagation::SeedPoint;
 use crate::initial::in_even_subset;
 use crate::params::{OptimizerState, Params};
 use crate::pyramid::Pyramid;
 use crate::visibility::VisibilityStats;
-use glam::{UVec2, Vec3};
-use trisplat_dataset::{Dataset, Point};
+use glam::Vec3;
+use trisplat_dataset::{Dataset, Point, View};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::neighbours::nearest;
 use trisplat_scene::mesh::Mesh;
@@ -29,13 +33,8 @@ const DEPTH_TOLERANCE: f32 = 0.02;
 const MAX_ADJUSTMENT: f32 = 0.03;
 /// Share of that distance that a triangle moves at a densification: training moves it too.
 const PULL: f32 = 0.5;
-/// Largest deviation of the photos' colours at an anchor that gets a triangle, root mean square in
-/// [0, 1].
-const MAX_COLOR_DEVIATION: f32 = 0.03;
 /// Longest side of the matched photos, px.
 const MAX_PHOTO_SIDE: f64 = 480.0;
-/// Maximum number of pixels of all these photos together.
-const MAX_TOTAL_PIXELS: f64 = 32e6;
 /// Maximum number of rays to an anchor.
 const MAX_RAYS_PER_POINT: usize = 4;
 /// Number of neighbours that define the plane of an anchor.
@@ -83,11 +82,11 @@ pub(crate) struct DepthRepair {
 
 impl DepthAnchors {
     /// Anchors at the points of `dataset` that its training photos track, and at points propagated
-    /// from them for a scene of up to `triangles`; empty without tracks.
+    /// from them and from depth maps for a scene of up to `triangles`; empty without both.
     ///
     /// # Errors
     ///
-    /// Photos that cannot be decoded.
+    /// Photos or depth maps that cannot be decoded.
     pub(crate) fn new(
         dataset: &Dataset,
         space: &SceneNormalization,
@@ -97,11 +96,14 @@ impl DepthAnchors {
         triangles: u64,
     ) -> Result<Self> {
         let mut anchors = Self::default();
-        let seeds = anchors.add_tracks(dataset, space, cameras);
-        if seeds.is_empty() {
+        let mut seeds = anchors.add_tracks(dataset, space, cameras);
+        let views: Vec<&View> = dataset.train().collect();
+        if seeds.is_empty() && views.iter().all(|view| view.photo.depth().is_none()) {
             return Ok(anchors);
         }
-        let images = gray_images(photos, level, cameras, MAX_PHOTO_SIDE)?;
+        let mut images = gray_images(photos, level, cameras, MAX_PHOTO_SIDE)?;
+        read_depths(&mut images, &views, space.scale)?;
+        seeds.extend(shared_points(&images, anchors.points.len()));
         for matched in propagate(&images, &seeds, triangles) {
             let number = anchors.points.len() as u32;
             anchors.rays.extend(matched.photos.iter().map(|&photo| (photo, number)));
@@ -109,7 +111,8 @@ impl DepthAnchors {
         }
         anchors.rays.sort_unstable();
         anchors.fit_planes(cameras);
-        anchors.color_deviation = anchors.color_deviations(&images);
+        let positions: Vec<Vec3> = anchors.points.iter().map(|point| point.position).collect();
+        anchors.color_deviation = color_deviations(&positions, &anchors.rays, &images);
         anchors.thin_rays();
         Ok(anchors)
     }
@@ -188,54 +191,6 @@ impl DepthAnchors {
             point.normal = normal;
             self.radius.push(radius);
         }
-    }
-
-    /// Deviation of each point's colour over its photos, after one gain per photo and channel for
-    /// the exposure.
-    fn color_deviations(&self, images: &[GrayImage]) -> Vec<f32> {
-        let color = |&(photo, point): &(u32, u32)| {
-            let color = images[photo as usize].color(self.points[point as usize].position)?;
-            Some((photo as usize, point as usize, color))
-        };
-        let samples: Vec<(usize, usize, Vec3)> = self.rays.iter().filter_map(color).collect();
-        let mut gains = vec![Vec3::ONE; images.len()];
-        let mut means = self.mean_colors(&samples, &gains);
-        for _ in 0..2 {
-            // Least squares of gain · colour - mean.
-            let mut sums = vec![[Vec3::ZERO; 2]; images.len()];
-            for &(photo, point, color) in &samples {
-                let [both, square] = &mut sums[photo];
-                *both += means[point] * color;
-                *square += color * color;
-            }
-            let gain = |[both, square]: &[Vec3; 2]| {
-                Vec3::select(square.cmpgt(Vec3::splat(1e-3)), *both / *square, Vec3::ONE)
-            };
-            gains = sums.iter().map(gain).collect();
-            means = self.mean_colors(&samples, &gains);
-        }
-        let mut squares = vec![(0.0f32, 0u32); self.points.len()];
-        for &(photo, point, color) in &samples {
-            let (sum, count) = &mut squares[point];
-            *sum += (color * gains[photo] - means[point]).length_squared() / 3.0;
-            *count += 1;
-        }
-        let deviation = |&(sum, count): &(f32, u32)| match count {
-            0 | 1 => f32::INFINITY,
-            count => (sum / (count - 1) as f32).sqrt(),
-        };
-        squares.iter().map(deviation).collect()
-    }
-
-    /// Mean colour of each point.
-    fn mean_colors(&self, samples: &[(usize, usize, Vec3)], gains: &[Vec3]) -> Vec<Vec3> {
-        let mut sums = vec![(Vec3::ZERO, 0.0f32); self.points.len()];
-        for &(photo, point, color) in samples {
-            let (sum, count) = &mut sums[point];
-            *sum += color * gains[photo];
-            *count += 1.0;
-        }
-        sums.iter().map(|(sum, count)| *sum / count.max(1.0)).collect()
     }
 
     /// Keeps some rays of each point, evenly over its photos: all of them would be a sixth of the
@@ -381,26 +336,6 @@ struct OcclusionCounts {
     occluded_rays: u32,
     /// Rays to anchors on it.
     matching_rays: u32,
-}
-
-/// Gray images of the photos, with sides of at most `longest` px; decoded at `level`.
-pub(crate) fn gray_images(
-    photos: &mut Pyramid,
-    level: u32,
-    cameras: &[Camera],
-    longest: f64,
-) -> Result<Vec<GrayImage>> {
-    let sizes = (0..cameras.len()).map(|i| photos.size(i, level).as_dvec2());
-    let sizes: Vec<_> = sizes.map(|size| size * (longest / size.max_element()).min(1.0)).collect();
-    let pixels: f64 = sizes.iter().map(|size| size.element_product()).sum();
-    let share = (MAX_TOTAL_PIXELS / pixels).sqrt().min(1.0);
-    let mut images = Vec::with_capacity(cameras.len());
-    for (i, camera) in cameras.iter().enumerate() {
-        let photo = photos.take(i, level)?;
-        let size = (sizes[i] * share).round().as_uvec2().max(UVec2::ONE);
-        images.push(GrayImage::new(camera, photo.shared_at(size)));
-    }
-    Ok(images)
 }
 
 #[cfg(test)]

@@ -3,9 +3,14 @@
 //! ```text
 //! tracked points ──► propagation ──► anchors: what blocks, misses or leaves open a measured surface
 //! no points      ──► sparse_points: the same matching, searched over all depths
+//! depth maps     ──► both: planes to begin with, and planes where photos have no texture
 //! ```
 
 mod anchors;
+mod color_agreement;
+mod consistency;
+mod gray_image;
+mod matching;
 mod propagation;
 mod sparse_points;
 

@@ -2,15 +2,14 @@
 //!
 //! In each photo planes go from cell to neighbouring cell, the best match first (Goesele et al.
 //! 2007, Furukawa and Ponce 2010). Depth and tilt of each follow the normalised correlation with
-//! other photos. A point stays where three photos agree on it.
+//! other photos. Depth maps of photos give planes to begin with, and planes where pictures have no
+//! texture to match.
 
+use super::gray_image::{GrayImage, ray};
 use glam::{Mat3, UVec2, Vec2, Vec3};
-use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use std::sync::Arc;
 use trisplat_scene::camera::Camera;
-use trisplat_scene::image::RgbImage;
 
 /// Offsets of a patch's samples, px: every second one of 7 by 7.
 const REACH: i32 = 3;
@@ -21,26 +20,14 @@ const MIN_DEVIATION: f32 = 0.012;
 const GRAY_SIGMA: f32 = 0.12;
 /// Minimum correlation of a match.
 const MIN_CORRELATION: f32 = 0.8;
-/// Maximum number of photos that a patch is compared with.
-const MAX_NEIGHBOURS: usize = 4;
-/// Best angle between two photos that show a point, radians: 10 degrees.
-const BEST_ANGLE: f32 = 0.17;
 /// Maximum number of planes that a cell tries from its neighbours.
 const MAX_TRIALS: u8 = 3;
-/// Largest difference of the depths of one surface in two photos, as a share.
-const DEPTH_TOLERANCE: f32 = 0.007;
-/// Minimum number of photos that agree on a point.
-const MIN_PHOTOS: usize = 3;
 /// Minimum cosine between a plane's normal and the direction to its photo.
 const MIN_VIEW_COSINE: f32 = 0.25;
 /// Trial changes of depth, as shares, one after the other.
 const DEPTH_CHANGES: [f32; 2] = [0.01, 0.004];
 /// Trial change of the normal.
 const TILT: f32 = 0.25;
-/// Minimum side of a cell, px.
-const MIN_CELL_SIDE: u32 = 3;
-/// Cells of all photos per triangle of the scene: about a tenth become points.
-const CELLS_PER_TRIANGLE: u64 = 4;
 
 /// A tracked point in a photo.
 #[derive(Debug, Clone, Copy)]
@@ -53,86 +40,6 @@ pub(crate) struct SeedPoint {
     pub(crate) position: Vec3,
 }
 
-/// A point of a surface.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct SurfacePoint {
-    /// Place, in training space.
-    pub(crate) position: Vec3,
-    /// sRGB-encoded colour.
-    pub(crate) rgb: [u8; 3],
-    /// Unit normal, towards a photo.
-    pub(crate) normal: Vec3,
-}
-
-/// A point and the photos that show it.
-#[derive(Debug)]
-pub(crate) struct MatchedPoint {
-    pub(crate) point: SurfacePoint,
-    /// In rising order.
-    pub(crate) photos: Vec<u32>,
-}
-
-/// A photo in shades of gray.
-#[derive(Debug)]
-pub(crate) struct GrayImage {
-    pub(super) camera: Camera,
-    /// Greys in [0, 1]. `[H * W]`
-    value: Vec<f32>,
-    photo: Arc<RgbImage>,
-}
-
-impl GrayImage {
-    /// `photo`, taken by `camera` at any size.
-    pub(crate) fn new(camera: &Camera, photo: Arc<RgbImage>) -> Self {
-        let gray = |[r, g, b]: [u8; 3]| {
-            (0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)) / 255.0
-        };
-        let value = photo.rgb.iter().map(|rgb| gray(*rgb)).collect();
-        Self { camera: camera.resized(photo.size), value, photo }
-    }
-
-    /// Index of the pixel at a place within the photo.
-    fn index(&self, at: Vec2) -> usize {
-        let last = self.camera.size - 1;
-        let at = at.as_uvec2().min(last);
-        (at.y * self.camera.size.x + at.x) as usize
-    }
-
-    /// Colour of a place, if it is within the picture.
-    pub(crate) fn color(&self, place: Vec3) -> Option<Vec3> {
-        let (at, _) = self.camera.project(place)?;
-        Some(Vec3::from(self.photo.rgb[self.index(at)].map(f32::from)) / 255.0)
-    }
-
-    /// True for a pixel that no mask excludes.
-    pub(super) fn is_unmasked(&self, at: Vec2) -> bool {
-        self.photo.alpha.as_ref().is_none_or(|alpha| alpha[self.index(at)] > 127)
-    }
-
-    /// Bilinear grays; `None` if one is outside.
-    fn sample(&self, at: &[Vec2; SAMPLES]) -> Option<[f32; SAMPLES]> {
-        let width = self.camera.size.x as usize;
-        let last = self.camera.size.as_vec2() - 1.0;
-        let mut out = [0.0; SAMPLES];
-        for (out, at) in out.iter_mut().zip(at) {
-            let p = *at - 0.5;
-            if !(p.x >= 0.0 && p.y >= 0.0 && p.x < last.x && p.y < last.y) {
-                return None;
-            }
-            let i = p.x as usize;
-            let j = p.y as usize;
-            let u = p.x - i as f32;
-            let v = p.y - j as f32;
-            let row = &self.value[j * width + i..][..2];
-            let next = &self.value[(j + 1) * width + i..][..2];
-            let top = row[0] + u * (row[1] - row[0]);
-            let bottom = next[0] + u * (next[1] - next[0]);
-            *out = top + v * (bottom - top);
-        }
-        Some(out)
-    }
-}
-
 /// Offsets of a patch's samples from its middle, px.
 fn offsets() -> [Vec2; SAMPLES] {
     let mut out = [Vec2::ZERO; SAMPLES];
@@ -142,11 +49,6 @@ fn offsets() -> [Vec2; SAMPLES] {
         *out = Vec2::new(x as f32, y as f32);
     }
     out
-}
-
-/// The ray of a pixel, with z = 1.
-pub(super) fn ray(camera: &Camera, at: Vec2) -> Vec3 {
-    ((at - camera.center) / camera.focal).extend(1.0)
 }
 
 /// The grays around a pixel.
@@ -167,13 +69,18 @@ pub(super) struct PatchPlane {
     pub(super) depth: f32,
     /// Unit normal towards the photo, in its axes.
     pub(super) normal: Vec3,
-    /// Correlation with other photos.
+    /// Correlation with other photos; 0 of a plane that only a depth map knows.
     pub(super) score: f32,
 }
 
 impl PatchPlane {
+    /// True if no picture confirms it.
+    pub(super) fn is_measured(&self) -> bool {
+        self.score == 0.0
+    }
+
     /// Depth on the ray `to`, if `depth` is the depth on the ray `from`.
-    fn depth_on(&self, from: Vec3, to: Vec3) -> f32 {
+    pub(super) fn depth_on(&self, from: Vec3, to: Vec3) -> f32 {
         self.depth * self.normal.dot(from) / self.normal.dot(to)
     }
 }
@@ -186,11 +93,11 @@ pub(super) struct DepthCells {
 }
 
 impl DepthCells {
-    fn new(camera: &Camera, side: u32) -> Self {
+    pub(super) fn new(camera: &Camera, side: u32) -> Self {
         Self { size: camera.size / side, side }
     }
 
-    fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.size.element_product() as usize
     }
 
@@ -199,7 +106,7 @@ impl DepthCells {
         (at.as_vec2() + 0.5) * self.side as f32
     }
 
-    fn at(&self, at: Vec2) -> Option<u32> {
+    pub(super) fn at(&self, at: Vec2) -> Option<u32> {
         let cell = at.as_uvec2() / self.side;
         cell.cmplt(self.size).all().then(|| cell.y * self.size.x + cell.x)
     }
@@ -238,7 +145,12 @@ pub(super) struct Propagation<'a> {
 }
 
 impl<'a> Propagation<'a> {
-    fn new(photos: &'a [GrayImage], own: usize, neighbours: &[usize], side: u32) -> Self {
+    pub(super) fn new(
+        photos: &'a [GrayImage],
+        own: usize,
+        neighbours: &[usize],
+        side: u32,
+    ) -> Self {
         let own = &photos[own];
         let to = |k: &usize| {
             let turn = photos[*k].camera.rotation * own.camera.rotation.transpose();
@@ -257,7 +169,7 @@ impl<'a> Propagation<'a> {
     }
 
     /// Gives the cells of tracked points their first planes.
-    fn seed_planes(&mut self, seeds: &[SeedPoint]) {
+    pub(super) fn seed_planes(&mut self, seeds: &[SeedPoint]) {
         let camera = &self.own.camera;
         for seed in seeds {
             let Some((at, depth)) = camera.project(seed.position) else { continue };
@@ -268,7 +180,7 @@ impl<'a> Propagation<'a> {
     }
 
     /// Spreads planes from cell to cell; returns the plane of each.
-    fn run(mut self) -> Vec<Option<PatchPlane>> {
+    pub(super) fn run(mut self) -> Vec<Option<PatchPlane>> {
         let camera = &self.own.camera;
         let mut trials = vec![0u8; self.planes.len()];
         while let Some((score, Reverse(cell))) = self.queue.pop() {
@@ -289,7 +201,33 @@ impl<'a> Propagation<'a> {
                 self.try_plane(next, PatchPlane { depth, ..plane });
             }
         }
+        self.fill_measured();
         self.planes
+    }
+
+    /// Tries the measured depth of each cell.
+    pub(super) fn seed_measured(&mut self) {
+        for cell in 0..self.planes.len() as u32 {
+            if let Some(plane) = self.measured_plane(cell) {
+                self.try_plane(cell, plane);
+            }
+        }
+    }
+
+    /// Gives cells without a plane their measured one.
+    fn fill_measured(&mut self) {
+        for cell in 0..self.planes.len() as u32 {
+            if self.planes[cell as usize].is_none() {
+                self.planes[cell as usize] = self.measured_plane(cell);
+            }
+        }
+    }
+
+    /// The plane of a cell that faces its photo at the measured depth.
+    fn measured_plane(&self, cell: u32) -> Option<PatchPlane> {
+        let at = self.cells.middle(cell);
+        let depth = self.own.measured_depth(at).filter(|_| self.own.is_unmasked(at))?;
+        Some(PatchPlane { depth, normal: -ray(&self.own.camera, at).normalize(), score: 0.0 })
     }
 
     /// Refines a plane, and keeps it if it is the best of its cell.
@@ -391,203 +329,5 @@ impl<'a> Propagation<'a> {
             product += share * difference;
         }
         product / square.sqrt()
-    }
-}
-
-/// The points on which three photos agree, for a scene of this many triangles.
-pub(crate) fn propagate(
-    photos: &[GrayImage],
-    seeds: &[SeedPoint],
-    triangles: u64,
-) -> Vec<MatchedPoint> {
-    let of_photo = group_by_photo(photos.len(), seeds);
-    let begin = |photo: &mut Propagation<'_>, own: usize| photo.seed_planes(&of_photo[own]);
-    let is_same = |a: f32, b: f32| (a / b - 1.0).abs() < DEPTH_TOLERANCE;
-    propagate_planes(
-        photos,
-        &neighbours(photos, &of_photo),
-        CELLS_PER_TRIANGLE.saturating_mul(triangles),
-        begin,
-        is_same,
-    )
-}
-
-pub(super) fn group_by_photo(count: usize, seeds: &[SeedPoint]) -> Vec<Vec<SeedPoint>> {
-    let mut of_photo: Vec<Vec<SeedPoint>> = vec![Vec::new(); count];
-    for seed in seeds {
-        of_photo[seed.photo as usize].push(*seed);
-    }
-    of_photo
-}
-
-/// Spreads planes within each photo, from those of `begin`, over at most `max_cells` cells of all
-/// photos; returns the points on which three photos agree. `is_same` compares two depths in a photo.
-pub(super) fn propagate_planes(
-    photos: &[GrayImage],
-    neighbours: &[Vec<usize>],
-    max_cells: u64,
-    begin: impl Fn(&mut Propagation<'_>, usize) + Sync,
-    is_same: impl Fn(f32, f32) -> bool,
-) -> Vec<MatchedPoint> {
-    let count = |side: u32| {
-        photos.iter().map(|photo| DepthCells::new(&photo.camera, side).len() as u64).sum::<u64>()
-    };
-    let side = (MIN_CELL_SIDE..).find(|side| count(*side) <= max_cells).unwrap_or(u32::MAX);
-    let of_photo = |own: usize| {
-        let mut photo = Propagation::new(photos, own, &neighbours[own], side);
-        begin(&mut photo, own);
-        photo.run()
-    };
-    let maps: Vec<Vec<Option<PatchPlane>>> =
-        (0..photos.len()).into_par_iter().map(of_photo).collect();
-    consistent_points(photos, &maps, side, is_same)
-}
-
-/// Chooses the photos to compare each photo with: they share most of its points, from an angle near
-/// the best.
-pub(super) fn neighbours(photos: &[GrayImage], of_photo: &[Vec<SeedPoint>]) -> Vec<Vec<usize>> {
-    let points = of_photo.iter().flatten().map(|seed| seed.point as usize + 1).max().unwrap_or(0);
-    let mut shown_by: Vec<Vec<usize>> = vec![Vec::new(); points];
-    for seed in of_photo.iter().flatten() {
-        shown_by[seed.point as usize].push(seed.photo as usize);
-    }
-    let eyes: Vec<Vec3> = photos.iter().map(|photo| photo.camera.position()).collect();
-    let best = |own: usize| {
-        let mut weights = vec![0.0f32; photos.len()];
-        for SeedPoint { point, position, .. } in &of_photo[own] {
-            for &other in shown_by[*point as usize].iter().filter(|other| **other != own) {
-                let angle = (eyes[own] - position).angle_between(eyes[other] - position).max(1e-3);
-                weights[other] += (angle / BEST_ANGLE).min(BEST_ANGLE / angle);
-            }
-        }
-        let mut order: Vec<usize> =
-            (0..photos.len()).filter(|other| weights[*other] > 0.0).collect();
-        order.sort_by(|a, b| weights[*b].total_cmp(&weights[*a]).then(a.cmp(b)));
-        order.truncate(MAX_NEIGHBOURS);
-        order
-    };
-    (0..photos.len()).map(best).collect()
-}
-
-/// Points on which three photos agree, each once; `is_same` compares two depths in a photo.
-fn consistent_points(
-    photos: &[GrayImage],
-    maps: &[Vec<Option<PatchPlane>>],
-    side: u32,
-    is_same: impl Fn(f32, f32) -> bool,
-) -> Vec<MatchedPoint> {
-    let cells: Vec<DepthCells> =
-        photos.iter().map(|photo| DepthCells::new(&photo.camera, side)).collect();
-    let mut used: Vec<Vec<bool>> = maps.iter().map(|map| vec![false; map.len()]).collect();
-    let mut matched = Vec::new();
-    for own in 0..photos.len() {
-        let GrayImage { camera, photo, .. } = &photos[own];
-        let back = camera.rotation.transpose();
-        for cell in 0..maps[own].len() as u32 {
-            let Some(plane) = maps[own][cell as usize].filter(|_| !used[own][cell as usize]) else {
-                continue;
-            };
-            let at = cells[own].middle(cell);
-            let position = back * (ray(camera, at) * plane.depth - camera.translation);
-            // The same surface in other photos.
-            let same = |other: usize| {
-                let camera = &photos[other].camera;
-                let (at, depth) = camera.project(position)?;
-                let cell = cells[other].at(at)?;
-                let plane = maps[other][cell as usize]?;
-                let depth_there =
-                    plane.depth_on(ray(camera, cells[other].middle(cell)), ray(camera, at));
-                is_same(depth_there, depth).then_some((other, cell))
-            };
-            let shown: Vec<(usize, u32)> =
-                (0..photos.len()).filter(|other| *other != own).filter_map(same).collect();
-            if shown.len() + 1 < MIN_PHOTOS {
-                continue;
-            }
-            for &(other, cell) in &shown {
-                used[other][cell as usize] = true;
-            }
-            let mut photos_of_point: Vec<u32> =
-                shown.iter().map(|(other, _)| *other as u32).chain([own as u32]).collect();
-            photos_of_point.sort_unstable();
-            let point = SurfacePoint {
-                position,
-                rgb: photo.rgb[photos[own].index(at)],
-                normal: back * plane.normal,
-            };
-            matched.push(MatchedPoint { point, photos: photos_of_point });
-        }
-    }
-    matched
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A photo of the plane z = 4 + x / 5 with a pattern on it, from `eye`.
-    fn photo(eye: Vec3) -> GrayImage {
-        let camera = Camera::look_at(eye, Vec3::new(0.0, 0.0, 4.0), Vec3::NEG_Y, 0.8, [96, 72]);
-        let back = camera.rotation.transpose();
-        let color = |i: u32| {
-            let at = Vec2::new((i % 96) as f32, (i / 96) as f32) + 0.5;
-            let way = back * ray(&camera, at);
-            let place = eye + way * ((4.0 + eye.x / 5.0 - eye.z) / (way.z - way.x / 5.0));
-            let waves = (5.0 * place.x).sin()
-                + (7.0 * place.y + 2.0 * place.x).sin()
-                + (11.0 * (place.x - place.y)).sin();
-            [(128.0 + 40.0 * waves) as u8; 3]
-        };
-        let rgb = (0..96 * 72).map(color).collect();
-        GrayImage::new(&camera, Arc::new(RgbImage { size: camera.size, rgb, alpha: None }))
-    }
-
-    fn eyes() -> Vec<Vec3> {
-        [-0.6, -0.2, 0.2, 0.6].map(|x| Vec3::new(x, 0.3 * x * x, 0.0)).to_vec()
-    }
-
-    #[test]
-    fn one_point_spreads_over_its_surface() {
-        let photos: Vec<GrayImage> = eyes().into_iter().map(photo).collect();
-        let position = Vec3::new(0.1, 0.05, 4.02);
-        let seeds: Vec<SeedPoint> =
-            (0..4).map(|photo| SeedPoint { photo, point: 0, position }).collect();
-        let matched = propagate(&photos, &seeds, 10_000);
-        assert!(matched.len() > 200, "{}", matched.len());
-        let error = |point: &MatchedPoint| {
-            let p = point.point.position;
-            (p.z - 4.0 - p.x / 5.0).abs() / p.z
-        };
-        let correct = matched.iter().filter(|point| error(point) < 0.01).count();
-        assert!(correct as f64 > 0.97 * matched.len() as f64, "{correct} of {}", matched.len());
-        for MatchedPoint { point, photos } in &matched {
-            assert!(photos.len() >= MIN_PHOTOS && photos.is_sorted());
-            assert!(point.normal.z < -0.5, "{point:?}");
-        }
-    }
-
-    #[test]
-    fn nothing_spreads_without_texture_or_from_a_wrong_place() {
-        let mut photos: Vec<GrayImage> = eyes().into_iter().map(photo).collect();
-        let seeds = |position| {
-            (0..4).map(|photo| SeedPoint { photo, point: 0, position }).collect::<Vec<_>>()
-        };
-        assert_eq!(propagate(&photos, &seeds(Vec3::new(0.1, 0.05, 2.5)), 10_000).len(), 0);
-        for photo in &mut photos {
-            photo.value.fill(0.5);
-        }
-        assert_eq!(propagate(&photos, &seeds(Vec3::new(0.1, 0.05, 4.02)), 10_000).len(), 0);
-        assert_eq!(propagate(&photos, &[], 10_000).len(), 0);
-    }
-
-    #[test]
-    fn few_triangles_get_few_cells() {
-        let photos: Vec<GrayImage> = eyes().into_iter().map(photo).collect();
-        let position = Vec3::new(0.1, 0.05, 4.02);
-        let seeds: Vec<SeedPoint> =
-            (0..4).map(|photo| SeedPoint { photo, point: 0, position }).collect();
-        let count = |triangles| propagate(&photos, &seeds, triangles).len();
-        assert!(count(20) < count(10_000) / 4);
-        assert_eq!(count(0), 0);
     }
 }

@@ -2,11 +2,10 @@
 //!
 //! They replace the sparse cloud everywhere: first triangles, shell, extents, depth anchors.
 
-use super::anchors::gray_images;
-use super::propagation::{
-    GrayImage, MatchedPoint, PatchPlane, Propagation, SeedPoint, group_by_photo, neighbours,
-    propagate_planes, ray,
-};
+use super::consistency::MatchedPoint;
+use super::gray_image::{GrayImage, gray_images, ray, read_depths};
+use super::matching::{group_by_photo, neighbours, propagate_planes, shared_points};
+use super::propagation::{PatchPlane, Propagation, SeedPoint};
 use crate::initial::even_subset;
 use crate::pyramid::{MIN_PX, Pyramid};
 use glam::Vec2;
@@ -36,7 +35,7 @@ const MIN_POINTS_PER_PHOTO: usize = 10;
 ///
 /// # Errors
 ///
-/// Photos that cannot be decoded.
+/// Photos or depth maps that cannot be decoded.
 pub fn reconstruct_points(dataset: &mut Dataset, photo_bytes: u64) -> Result<()> {
     if !dataset.points.is_empty() || dataset.kind == DatasetKind::Drawn {
         return Ok(());
@@ -46,8 +45,9 @@ pub fn reconstruct_points(dataset: &mut Dataset, photo_bytes: u64) -> Result<()>
     let views: Vec<&View> = chosen.iter().map(|i| &dataset.views[*i]).collect();
     let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
     let mut photos = Pyramid::new(&views, photo_bytes, MIN_PX);
-    let points =
-        search(&gray_images(&mut photos, 0, &cameras, MAX_PHOTO_SIDE)?, looking_distance(&views));
+    let mut images = gray_images(&mut photos, 0, &cameras, MAX_PHOTO_SIDE)?;
+    read_depths(&mut images, &views, 1.0)?;
+    let points = search(&images, looking_distance(&views));
     let count = points.len();
     if count < MIN_POINTS_PER_PHOTO * cameras.len() {
         let reason = "training starts from a random cloud in front of the cameras";
@@ -59,13 +59,13 @@ pub fn reconstruct_points(dataset: &mut Dataset, photo_bytes: u64) -> Result<()>
     for view in &mut dataset.views {
         view.tracked.clear();
     }
-    for (number, MatchedPoint { point, photos }) in points.into_iter().enumerate() {
+    for (number, MatchedPoint { point, photos, .. }) in points.into_iter().enumerate() {
         dataset.points.push(Point { position: point.position, rgb: point.rgb, error: None });
         for photo in photos {
             dataset.views[chosen[photo as usize]].tracked.push(number as u32);
         }
     }
-    Ok(())
+    dataset.fit_depths()
 }
 
 impl Propagation<'_> {
@@ -93,13 +93,15 @@ impl Propagation<'_> {
 
 /// Points on which three photos agree, if only their typical depth is known.
 fn search(photos: &[GrayImage], typical_depth: f32) -> Vec<MatchedPoint> {
-    let of_photo = group_by_photo(photos.len(), &assumed_points(photos, typical_depth));
+    let mut seeds = shared_points(photos, 0);
+    if seeds.is_empty() {
+        seeds = assumed_points(photos, typical_depth);
+    }
+    let of_photo = group_by_photo(photos.len(), &seeds);
     let begin = |photo: &mut Propagation<'_>, _: usize| photo.search(typical_depth);
     // Far away a pixel is a larger share of the depth.
-    let is_same = |other: f32, depth: f32| {
-        (other / depth - 1.0).abs() < DEPTH_TOLERANCE * (0.5 * depth / typical_depth).max(1.0)
-    };
-    propagate_planes(photos, &neighbours(photos, &of_photo), MAX_CELLS, begin, is_same)
+    let tolerance = |depth: f32| DEPTH_TOLERANCE * (0.5 * depth / typical_depth).max(1.0);
+    propagate_planes(photos, &neighbours(photos, &of_photo), MAX_CELLS, begin, tolerance)
 }
 
 /// Stand-ins for tracked points, to choose which photos to compare: on nine rays of each photo, at
@@ -133,9 +135,9 @@ mod tests {
     use trisplat_synthetic::{Ray, SyntheticOptions, trace};
 
     /// A scene of `views` photos without its points.
-    fn without_points(views: u32, width: u32) -> (tempfile::TempDir, Dataset) {
+    fn without_points(views: u32, width: u32, depth: bool) -> (tempfile::TempDir, Dataset) {
         let folder = tempfile::tempdir().unwrap();
-        let options = SyntheticOptions { views, width, ..SyntheticOptions::default() };
+        let options = SyntheticOptions { views, width, depth, ..SyntheticOptions::default() };
         trisplat_synthetic::write(folder.path(), &options).unwrap();
         let mut dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
         dataset.points.clear();
@@ -153,27 +155,41 @@ mod tests {
         dataset
     }
 
-    #[test]
-    fn sparse_points_lie_on_surfaces_and_beat_a_random_cloud() {
-        let (_folder, dataset) = without_points(24, 128);
-        let matched = reconstructed_by(1, &dataset);
+    /// Share of the track entries that are within `tolerance` of a surface, a share of the distance.
+    fn correct_share(dataset: &Dataset, tolerance: f64) -> f64 {
         let mut correct = 0u32;
         let mut all = 0u32;
-        for view in matched.train() {
-            for (_, point) in matched.tracked(view) {
+        for view in dataset.train() {
+            for (_, point) in dataset.tracked(view) {
                 let origin = view.camera.position().as_dvec3();
                 let direction = point.position.as_dvec3() - origin;
                 // A share of the distance to the point.
                 let distance = trace(Ray { origin, direction }).unwrap().distance;
-                correct += u32::from((distance - 1.0).abs() < 0.02);
+                correct += u32::from((distance - 1.0).abs() < tolerance);
                 all += 1;
             }
         }
+        f64::from(correct) / f64::from(all)
+    }
+
+    #[test]
+    fn depth_maps_add_points_and_make_them_exact() {
+        let [without, with] = [false, true].map(|depth| {
+            let (_folder, dataset) = without_points(12, 96, depth);
+            let matched = reconstructed_by(1, &dataset);
+            (matched.points.len(), correct_share(&matched, 0.01))
+        });
+        assert!(with.0 > 2 * without.0, "{with:?} {without:?}");
+        assert!(with.1 > without.1, "{with:?} {without:?}");
+    }
+
+    #[test]
+    fn sparse_points_lie_on_surfaces_and_beat_a_random_cloud() {
+        let (_folder, dataset) = without_points(24, 128, false);
+        let matched = reconstructed_by(1, &dataset);
         let count = matched.points.len();
-        assert!(
-            count > 1000 && f64::from(correct) > 0.8 * f64::from(all),
-            "{correct} of {all}, {count} points"
-        );
+        let correct = correct_share(&matched, 0.02);
+        assert!(count > 1000 && correct > 0.8, "{correct} of {count} points");
         assert!(matched.test().all(|view| view.tracked.is_empty()), "held-out photos find nothing");
         let again = reconstructed_by(2, &dataset);
         assert_eq!(again.points, matched.points);
@@ -191,7 +207,7 @@ mod tests {
 
     #[test]
     fn photos_that_share_nothing_begin_with_a_random_cloud() {
-        let (_folder, mut dataset) = without_points(2, 48);
+        let (_folder, mut dataset) = without_points(2, 48, false);
         dataset.views[0].test = false;
         let matched = reconstructed_by(1, &dataset);
         assert!(matched.points.is_empty() && !matched.has_tracks());
