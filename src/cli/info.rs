@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, Description};
 use trisplat_formats::check::{Checked, Severity, check};
-use trisplat_formats::info::{Distribution, Info, SceneKind, Softness, TextureInfo};
+use trisplat_formats::info::{BoundingBox, Distribution, Info, SceneKind, Softness, TextureInfo};
 use trisplat_formats::{ReadOptions, unzipped_sog};
 use trisplat_scene::report::counted;
 use trisplat_scene::{Error, Placement, Result};
@@ -136,9 +136,14 @@ fn scene_rows(info: &Info) -> Vec<Row> {
     rows.extend(
         counts.into_iter().filter(|(.., is)| *is).map(|(name, count, _)| (name, thousands(count))),
     );
-    let [min, max] =
-        [info.bounds.min, info.bounds.max].map(|p| p.map(|x| format!("{x:.4}")).join(" "));
-    rows.push(("bounds", format!("{min}  to  {max}")));
+    let corners = |bounds: &BoundingBox| {
+        let [min, max] = [bounds.min, bounds.max].map(|p| p.map(|x| format!("{x:.4}")).join(" "));
+        format!("{min}  to  {max}")
+    };
+    rows.push(("bounds", corners(&info.bounds)));
+    if let Some(inner) = &info.inner_bounds {
+        rows.push(("inner", format!("{} (middle 98%)", corners(inner))));
+    }
     rows.extend(origin_rows(info));
     let hex = |c: [f32; 3]| {
         c.map(|x| format!("{:02x}", (x.clamp(0.0, 1.0) * 255.0).round() as u8)).concat()

@@ -9,11 +9,14 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use trisplat_scene::math::color::srgb_from_linear;
 use trisplat_scene::math::geometry::bounds;
-use trisplat_scene::math::lists::median;
+use trisplat_scene::math::lists::{median, quantile};
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{
     FaceTexture, ImportedScene, Provenance, Result, Scene, Soup, Splats, StoredPicture,
 };
+
+/// Share of the Gaussians that lie outside the inner box at each end of an axis.
+const OUTER_SHARE: f32 = 0.01;
 
 /// Content of a file.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -47,6 +50,10 @@ pub struct Info {
     pub shell: u64,
     /// The box around all triangles, or around the middles of all Gaussians.
     pub bounds: BoundingBox,
+    /// The box around the middles of Gaussians without the outermost hundredth at each end of each
+    /// axis, where many float far outside.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inner_bounds: Option<BoundingBox>,
     /// σ of a soup.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma: Option<Distribution>,
@@ -252,6 +259,7 @@ fn splats_info(splats: &Splats) -> Info {
         splats: splats.len() as u64,
         sh_degree: Some(splats.sh_degree),
         bounds: BoundingBox::of(splats.positions.iter().copied()),
+        inner_bounds: BoundingBox::inner(&splats.positions),
         opacity: Distribution::of(splats.opacity.clone()),
         colors: ColorStats::of((0..splats.len()).map(|i| splats.rgb(i)), 1),
         ..Info::default()
@@ -288,6 +296,16 @@ impl BoundingBox {
     fn of(points: impl Iterator<Item = Vec3>) -> Self {
         let [min, max] = bounds(points).unwrap_or_default().map(|corner| corner.to_array());
         Self { min, max }
+    }
+
+    /// The box around the middle 98% of `points` along each axis; `None` of no points.
+    fn inner(points: &[Vec3]) -> Option<Self> {
+        let end = |axis: usize, share: f32| {
+            let values: Vec<f32> = points.iter().map(|point| point[axis]).collect();
+            quantile(values, share)
+        };
+        let corner = |share: f32| Some([end(0, share)?, end(1, share)?, end(2, share)?]);
+        Some(Self { min: corner(OUTER_SHARE)?, max: corner(1.0 - OUTER_SHARE)? })
     }
 }
 
@@ -336,5 +354,16 @@ mod tests {
         let spread = Distribution::of(vec![1.0, 0.0, 0.1, 0.0999, 0.5]).expect("numbers");
         assert_eq!((spread.min, spread.median, spread.max), (0.0, 0.1, 1.0));
         assert_eq!(Distribution::of(Vec::new()), None);
+    }
+
+    #[test]
+    fn inner_bounds_leave_out_what_floats() {
+        let mut points: Vec<Vec3> = (0..200).map(|i| Vec3::splat(i as f32)).collect();
+        points[0] = Vec3::splat(-1e6);
+        points[199] = Vec3::new(1e6, 198.5, 1e6);
+        let BoundingBox { min, max } = BoundingBox::inner(&points).expect("points");
+        assert!(min.iter().all(|x| (0.0..=4.0).contains(x)), "{min:?}");
+        assert!(max.iter().all(|x| (195.0..=198.5).contains(x)), "{max:?}");
+        assert_eq!(BoundingBox::inner(&[]), None);
     }
 }
