@@ -302,7 +302,8 @@ fn advice(details: &VerdictDetails, model: &ModelDetails) -> Vec<String> {
         let counts: Vec<String> = model.parts.iter().map(u64::to_string).collect();
         let sizes = match &counts[..] {
             [] => String::new(),
-            [first, others @ ..] => format!(", of {first} and {} photos", others.join(", ")),
+            [only] => format!(" ({only} photos)"),
+            [others @ .., last] => format!(" ({} and {last} photos)", others.join(", ")),
         };
         advice.push(format!(
             "the photos show {} places that share nothing{sizes}, and only the largest is used: take photos that connect them, or make a \
@@ -403,7 +404,7 @@ mod tests {
         };
         let model = ModelDetails { models: 3, parts: vec![12, 8, 4], ..ModelDetails::default() };
         let advice = advice(&details, &model).join("; ");
-        let places = "the photos show 3 places that share nothing, of 12 and 8, 4 photos";
+        let places = "the photos show 3 places that share nothing (12, 8 and 4 photos)";
         assert!(advice.contains(places), "{advice}");
         assert!(advice.contains("one there has no pose (2.jpg is blurred)"), "{advice}");
     }
