@@ -48,8 +48,6 @@ pub struct DrawStats {
 /// The depth buffer and, with multisampling, the samples of a frame; the picture is separate.
 #[derive(Debug)]
 pub(crate) struct Attachments {
-    /// Width and height, px.
-    pub(crate) size: glam::UVec2,
     format: TextureFormat,
     samples: u32,
     depth: TextureView,
@@ -79,7 +77,7 @@ impl Attachments {
             (samples > 1).then(|| texture(gpu, "samples", size, format, samples, usage));
         gpu.check()?;
         let view = |t: Texture| t.create_view(&TextureViewDescriptor::default());
-        Ok(Self { size, format, samples, depth: view(depth), multisampled: multisampled.map(view) })
+        Ok(Self { format, samples, depth: view(depth), multisampled: multisampled.map(view) })
     }
 }
 

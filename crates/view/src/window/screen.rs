@@ -167,7 +167,8 @@ impl Screen {
         session: &mut Session,
     ) -> Result<()> {
         let attachments = &self.attachments;
-        let params = session.frame_params(attachments.size, &self.options);
+        let size = UVec2::new(self.config.width, self.config.height);
+        let params = session.frame_params(size, &self.options);
         session.camera = Some(params.camera);
         let Some(model) = session.model() else {
             clear(encoder, view, attachments, self.options.background);
