@@ -18,7 +18,7 @@ use trisplat_bake::BakeOptions;
 use trisplat_dataset::capture::CaptureOptions;
 use trisplat_dataset::{DatasetOptions, ShrunkSize};
 use trisplat_formats::output::OutputFormat;
-use trisplat_job::{Event, Grade, MakeDone, MakeJob, MakePart};
+use trisplat_job::{Event, Grade, MakeDone, MakeJob, MakePart, Scores};
 use trisplat_scene::math::lists::median;
 use trisplat_scene::report::{OutputReport, counted};
 use trisplat_scene::{Error, Result, Seconds, parallel};
@@ -211,9 +211,16 @@ fn purpose(file: &Path, done: &MakeDone, args: &MakeArgs) -> &'static str {
 
 /// The score of the file and its grade, as `trisplat eval` has them, and what comes next.
 fn verdict(details: &TrainDetails, done: &MakeDone, args: &MakeArgs) -> Vec<String> {
-    let of_training = || Some((details.psnr?, details.ssim?));
-    let of_file = done.score.as_ref().map(|score| (score.mean.psnr, score.mean.ssim));
-    let Some((psnr, ssim)) = of_file.or_else(of_training) else { return Vec::new() };
+    let of_training = || {
+        let psnr = details.psnr?;
+        let ssim = details.ssim?;
+        Some((psnr, format!("{psnr:.1} dB / {ssim:.3} SSIM")))
+    };
+    let of_file = done.score.as_ref().map(|score| {
+        let Scores { psnr, ssim, flip, .. } = score.mean;
+        (psnr, format!("{psnr:.1} dB / {ssim:.3} SSIM / {flip:.3} FLIP"))
+    });
+    let Some((psnr, scores)) = of_file.or_else(of_training) else { return Vec::new() };
     // Pixels that fewer than two training photos show are not judged.
     let photos: Vec<(&str, f64)> = match &done.score {
         _ if !done.judged.is_empty() => {
@@ -231,9 +238,8 @@ fn verdict(details: &TrainDetails, done: &MakeDone, args: &MakeArgs) -> Vec<Stri
     let grade = done.score.as_ref().and_then(|score| score.grade);
     let words =
         grade.map_or(String::new(), |grade| format!(": {}, {}", grade.word(), grade.meaning()));
-    let mut lines = vec![format!(
-        "{psnr:.1} dB / {ssim:.3} on photos that training did not see{size}, of {count}{words}"
-    )];
+    let mut lines =
+        vec![format!("{scores} on photos that training did not see{size}, of {count}{words}")];
     let below: Vec<String> = photos
         .iter()
         .filter(|photo| photo.1 < half - FAR_BELOW)

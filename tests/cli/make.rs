@@ -267,11 +267,11 @@ fn the_score_is_that_of_eval_and_is_remembered() {
     eval.current_dir(folder.path()).args(["eval", "a.glb"]).arg(dataset());
     let eval = eval.args(["--max-size", "60", "--report", "eval.json"]).output().unwrap();
     assert!(eval.status.success(), "{}", stderr(&eval));
-    let psnr = json("eval.json")["steps"][0]["mean"]["psnr"].as_f64().unwrap();
-    assert!(
-        said.lines().any(|line| line.starts_with(&format!("{psnr:.1} dB / "))),
-        "{psnr} {said}"
-    );
+    let mean = |name: &str| json("eval.json")["steps"][0]["mean"][name].as_f64().unwrap();
+    let psnr = mean("psnr");
+    let scores =
+        format!("{psnr:.1} dB / {:.3} SSIM / {:.3} FLIP on photos", mean("ssim"), mean("flip"));
+    assert!(said.lines().any(|line| line.starts_with(&scores)), "{scores}: {said}");
     let remembered = |key: &str| json("work/training.json")[key].as_f64();
     assert!((remembered("psnr").unwrap() - psnr).abs() < 1e-9 && remembered("earlier").is_none());
 
