@@ -131,7 +131,8 @@ pub fn run(
     Ok(if done.stopped { signals::ended() } else { ExitCode::SUCCESS })
 }
 
-/// Refuses outputs that cannot or must not be written, before any work.
+/// Refuses inputs that are not there, and outputs that cannot or must not be written, before any
+/// work.
 fn guard(args: &MakeArgs, inputs: &Inputs, page: &Path, job: &MakeJob) -> Result<()> {
     if args.output.as_os_str() == "-" || args.output.extension().is_some_and(|e| e == "html") {
         let wants = "a file for an engine, as in scene.glb; the page is written beside it";
@@ -152,7 +153,13 @@ fn guard(args: &MakeArgs, inputs: &Inputs, page: &Path, job: &MakeJob) -> Result
         outputs.plan_scene(&job.subject_bake().plan_output(&file, None)?)?;
     }
     outputs.plan("--page", page)?;
-    args.report.as_ref().map_or(Ok(()), |report| outputs.check_writable("--report", report))
+    if let Some(report) = &args.report {
+        outputs.check_writable("--report", report)?;
+    }
+    for input in &args.inputs {
+        std::fs::metadata(input).map_err(|e| Error::unread(input, e))?;
+    }
+    Ok(())
 }
 
 /// The result, and the next step.

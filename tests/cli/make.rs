@@ -32,6 +32,15 @@ fn budget_is_for_the_training_and_its_double_is_advised() {
     assert!(said.contains("more time (--budget 6s --force)"), "{said}");
 }
 
+#[test]
+fn make_of_a_missing_folder_says_only_that() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = trisplat(&[&"make", &folder.path().join("photos"), &"-o", &"scene.glb"]);
+    let said = stderr(&output);
+    assert!(output.status.code() == Some(1) && said.lines().count() == 1, "{said}");
+    assert!(said.contains("photos: does not exist"), "{said}");
+}
+
 #[cfg(unix)]
 #[test]
 fn make_killed_before_its_page_finishes_by_the_same_command() {
