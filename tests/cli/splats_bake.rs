@@ -169,7 +169,7 @@ fn mesh_beside_gaussians_stays_as_given() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     ball(folder);
-    let floor = "ply\nformat ascii 1.0\ncomment y down\nelement vertex 4\nproperty float x\nproperty float y\n\
+    let floor = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
                  property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nelement face 1\n\
                  property list uchar int vertex_indices\nend_header\n-3 1.5 -3 9 200 9\n3 1.5 -3 9 200 9\n\
                  3 1.5 3 9 200 9\n-3 1.5 3 9 200 9\n4 0 1 2 3\n";
