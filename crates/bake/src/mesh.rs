@@ -20,7 +20,9 @@ use trisplat_scene::report::{Outcome, Report, StageObserver, generator};
 use trisplat_scene::{
     Asset, Chunk, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene, frames,
 };
-use trisplat_surface::{SurfaceDetails, SurfaceOptions, SurfacePart, surface_of_part};
+use trisplat_surface::{
+    Observations, SurfaceDetails, SurfaceOptions, SurfacePart, surface_of_part,
+};
 
 /// The options of the stages.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -109,6 +111,8 @@ pub fn mesh(
     let part =
         is_kept.as_ref().and_then(|is_kept| Some(SurfacePart { bounds: bounds()?, keep: is_kept }));
     let scene = whole.unwrap_or(scene);
+    let placement = &scene.provenance.placement;
+    let depths = views.as_deref().map_or_else(Vec::new, |views| views.depths(placement));
     let surface_options = beside_backdrop(&options.surface, backdrop.face_count());
     let (mut surface_mesh, _) = report.long_stage(
         observer,
@@ -118,7 +122,9 @@ pub fn mesh(
         |mesh, details: &mut SurfaceDetails, progress| {
             let part = part.as_ref();
             let options = &surface_options;
-            let found = surface_of_part(&scene, cameras, part, options, limits, details, progress)?;
+            let observations = Observations { cameras, depths: &depths };
+            let found =
+                surface_of_part(&scene, observations, part, options, limits, details, progress)?;
             *mesh = found.ok_or(Error::EmptySurface)?;
             Ok(Outcome::Changed(()))
         },

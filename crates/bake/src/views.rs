@@ -6,7 +6,7 @@ use std::sync::Arc;
 use trisplat_dataset::exposure::{Exposures, compared_points};
 use trisplat_dataset::{Dataset, DatasetOptions, Photo, Photos};
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer, Visibility};
-use trisplat_scene::camera::Camera;
+use trisplat_scene::camera::{Camera, PhotoDepths};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::lists::{evenly_spaced, median};
 use trisplat_scene::math::metric;
@@ -55,6 +55,8 @@ pub struct Views {
     pub(crate) tracked: Option<Vec<Vec<(u32, Vec2)>>>,
     /// The photos' corrections; empty for none.
     exposures: Exposures,
+    /// Depths measured in the photos, in the world of the photos minus `origin`; empty for none.
+    depths: Vec<PhotoDepths>,
     /// The scene is a part of what the photos show.
     part: bool,
     /// The cameras were chosen for the pictures, and nobody held them.
@@ -82,6 +84,7 @@ impl Views {
             cut: dataset.train().map(|v| v.photo.is_cut()).collect(),
             tracked: compared_points(dataset),
             exposures: Exposures::default(),
+            depths: Vec::new(),
             part: false,
             are_chosen: false,
         }
@@ -130,6 +133,7 @@ impl Views {
             cut: Vec::new(),
             tracked: None,
             exposures: Exposures::default(),
+            depths: Vec::new(),
             part: false,
             are_chosen: false,
         }
@@ -223,6 +227,23 @@ impl Views {
         let transform = placement.transform();
         let origin = self.origin;
         self.points = points.iter().map(|p| transform((p.as_dvec3() + origin).as_vec3())).collect();
+    }
+
+    /// The same photos with depths measured in them, in the world that they were read in.
+    #[must_use]
+    pub fn with_depths(self, depths: Vec<PhotoDepths>) -> Self {
+        Self { depths, ..self }
+    }
+
+    /// The depths measured in the photos, in the frame of a file that was placed in their world.
+    pub fn depths(&self, placement: &Placement) -> Vec<PhotoDepths> {
+        let scale = placement.scale as f32;
+        let transformed = |map: &PhotoDepths| PhotoDepths {
+            camera: frames::to_file(&map.camera, placement, self.origin),
+            depth: map.depth.iter().map(|depth| depth * scale).collect(),
+            rgb: map.rgb.clone(),
+        };
+        self.depths.iter().map(transformed).collect()
     }
 
     /// The camera of a photo.

@@ -10,7 +10,7 @@ use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, Content};
 use trisplat_scene::report::Report;
 use trisplat_scene::{Asset, Error, Result, Seconds};
-use trisplat_train::TrainOptions;
+use trisplat_train::{TrainOptions, measure_depths};
 
 /// CPU time for a scene of photos alone. More gains nothing: the surface has far fewer triangles
 /// than any scene (docs/benchmarks/figures.md).
@@ -69,7 +69,13 @@ impl MeshJob {
         let are_splats = matches!(self.scene, Some(Content::Splats(_)));
         self.options.check_photos(self.photos.is_some() || are_splats)?;
         let reading = &self.dataset_options;
-        let mut views = self.photos.as_ref().map(|photos| Views::new(photos, reading));
+        let mut views = match &self.photos {
+            Some(photos) => {
+                let depths = measure_depths(photos, reading.photo_bytes())?;
+                Some(Views::new(photos, reading).with_depths(depths))
+            }
+            None => None,
+        };
         let scene = match (self.scene, &self.photos) {
             (Some(Content::Scene(scene)), _) => scene,
             (Some(Content::Splats(splats)), photos) => {

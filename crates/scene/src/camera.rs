@@ -24,6 +24,17 @@ pub struct Camera {
     pub size: UVec2,
 }
 
+/// Depths measured in a photo.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PhotoDepths {
+    /// The photo's camera at the size of the map.
+    pub camera: Camera,
+    /// Depth z in the camera's frame; 0 where none is known. `[height * width]`
+    pub depth: Vec<f32>,
+    /// sRGB codes. `[height * width]`
+    pub rgb: Vec<[u8; 3]>,
+}
+
 /// The ranges of a lens, for messages: a lens beyond them draws nothing, or one point.
 pub const LENS: &str = "focal lengths of 0.001 to 100,000 times the longer side and a centre within 10,000 times it, px";
 

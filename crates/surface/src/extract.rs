@@ -4,12 +4,13 @@ use crate::collider::collider;
 use crate::fill::{Holes, drop_small, drop_small_areas, fill};
 use crate::fuse::{DistanceField, Fusion, VoxelBlock};
 use crate::grid::{Grid, blocks};
+use crate::measured::add_measured;
 use crate::nets::nets;
 use crate::options::{SurfaceDetails, SurfaceOptions};
 use crate::picture::{DepthPicture, ViewFrustum, pictures};
 use crate::simplify::{TooFewTriangles, simplify, smooth};
 use glam::Vec3;
-use trisplat_scene::camera::Camera;
+use trisplat_scene::camera::{Camera, PhotoDepths};
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::report::{Outcome, StageProgress};
@@ -22,6 +23,17 @@ const SMOOTHING: u32 = 8;
 const DRAWING: f64 = 0.5;
 /// Minimum share of a part's area that a connected component keeps; smaller ones are dropped.
 const MIN_COMPONENT_AREA: f64 = 0.1;
+
+/// What is known of a scene beside its triangles.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Observations<'a> {
+    /// Cameras in the frame of the scene; without them those that it stores are used, or chosen
+    /// ones.
+    pub cameras: &'a [Camera],
+    /// Depths measured in photos, in the frame of the scene: they count more than the depths that
+    /// the scene draws.
+    pub depths: &'a [PhotoDepths],
+}
 
 /// The part of a scene that a surface is made of. All of the scene is drawn, so that its pictures
 /// have no holes where the rest begins.
@@ -52,7 +64,8 @@ pub fn surface(
     details: &mut SurfaceDetails,
     progress: &mut StageProgress<'_>,
 ) -> Result<Option<Mesh>> {
-    surface_of_part(scene, cameras, None, options, limits, details, progress)
+    let observations = Observations { cameras, depths: &[] };
+    surface_of_part(scene, observations, None, options, limits, details, progress)
 }
 
 /// The same, of a `part` of the scene: without small components, and with all holes closed.
@@ -62,14 +75,14 @@ pub fn surface(
 /// As above.
 pub fn surface_of_part(
     scene: &ImportedScene,
-    cameras: &[Camera],
+    observations: Observations<'_>,
     part: Option<&SurfacePart<'_>>,
     options: &SurfaceOptions,
     limits: &Limits,
     details: &mut SurfaceDetails,
     progress: &mut StageProgress<'_>,
 ) -> Result<Option<Mesh>> {
-    extract(scene, cameras, part, options, limits, details, progress)
+    extract(scene, observations, part, options, limits, details, progress)
         .map_err(|error| error.of_option("max_triangles"))
 }
 
@@ -97,7 +110,7 @@ impl ExtractError {
 
 fn extract(
     scene: &ImportedScene,
-    cameras: &[Camera],
+    observations: Observations<'_>,
     part: Option<&SurfacePart<'_>>,
     options: &SurfaceOptions,
     limits: &Limits,
@@ -105,16 +118,18 @@ fn extract(
     progress: &mut StageProgress<'_>,
 ) -> Result<Option<Mesh>, ExtractError> {
     options.validate()?;
+    let Observations { cameras, depths } = observations;
     let viewpoints = if cameras.is_empty() { Viewpoints::of(scene, 0) } else { None };
     let cameras = viewpoints.as_ref().map_or(cameras, |viewpoints| &viewpoints.cameras);
     if cameras.is_empty() {
         return Ok(None);
     }
     details.viewpoints = viewpoints.as_ref().map(|viewpoints| viewpoints.kind);
-    let pictures = pictures(&scene.scene, options.shell, cameras, progress.part(0.0, DRAWING));
+    let mut pictures = pictures(&scene.scene, options.shell, cameras, progress.part(0.0, DRAWING));
     let Some(grid) = Grid::over(&pictures, part.map(|part| part.bounds), options)? else {
         return Ok(None);
     };
+    add_measured(&mut pictures, depths);
     let field = fused(&pictures, grid, options, limits)?;
     drop(pictures);
     let mut mesh = nets(&field, &grid);
@@ -247,7 +262,8 @@ pub fn collision(
     let most = options.collision_triangles.unwrap_or(CollisionOptions::SOUP_TRIANGLES);
     let how = SurfaceOptions { max_triangles: Some(most), ..SurfaceOptions::DEFAULT }
         .for_scene(scene.scene.triangle_count());
-    *found = extract(scene, cameras, None, &how, &Limits::DEFAULT, &mut details.surface, progress)
+    let seen = Observations { cameras, depths: &[] };
+    *found = extract(scene, seen, None, &how, &Limits::DEFAULT, &mut details.surface, progress)
         .map_err(|error| error.of_option("collision_triangles"))?;
     Ok(match found {
         Some(_) => Outcome::Changed(()),

@@ -66,7 +66,7 @@ impl Fusion {
         if distance < -self.truncation {
             return;
         }
-        let weight = observation.weight * self.trust(distance);
+        let weight = picture.weight * observation.weight * self.trust(distance);
         sums.distance += weight * distance.min(self.truncation);
         sums.weight += weight;
         sums.views += 1;

@@ -2,12 +2,14 @@
 //! collide with.
 //!
 //! ```text
-//! scene + cameras ──► depth pictures ──► signed distances on a sparse lattice ──► surface nets ──► components ──► fill ──► smooth ──► simplify ──► Mesh
+//! scene + cameras ──► depth pictures ──┬► signed distances on a sparse lattice ──► surface nets ──► components ──► fill ──► smooth ──► simplify ──► Mesh
+//!   photos' depth maps ────────────────┘
 //! ```
 //!
 //! As in the supplement of Held et al. 2025 (mesh extraction from depth maps, after 2D Gaussian
 //! Splatting): the median depth of what each camera sees is fused into a truncated signed distance
-//! field (Curless and Levoy 1996), whose zero is the surface. What no camera has observed has no
+//! field (Curless and Levoy 1996), whose zero is the surface. Where photos agree on a depth, this
+//! takes the place of the drawn one. What no camera has observed has no
 //! surface, so holes in the observation stay open, but for small ones.
 //!
 //! Surface nets are our own, as the crates there are take a dense box of known samples: they would
@@ -23,6 +25,7 @@ mod extract;
 mod fill;
 mod fuse;
 mod grid;
+mod measured;
 mod nets;
 mod options;
 mod picture;
@@ -31,6 +34,7 @@ mod simplify;
 pub use collapse::{Collapsed, EdgeCollapse};
 pub use connected::connected_faces;
 pub use extract::{
-    CollisionDetails, CollisionOptions, SurfacePart, collision, surface, surface_of_part,
+    CollisionDetails, CollisionOptions, Observations, SurfacePart, collision, surface,
+    surface_of_part,
 };
 pub use options::{SurfaceDetails, SurfaceOptions};

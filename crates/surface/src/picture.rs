@@ -31,6 +31,8 @@ pub(super) struct DepthPicture {
     pub(super) depth: Vec<f32>,
     /// sRGB codes. `[height * width]`
     pub(super) rgb: Vec<[u8; 3]>,
+    /// Weight of its observations.
+    pub(super) weight: f32,
 }
 
 /// A picture's observation at a place on one of its rays.
@@ -271,7 +273,12 @@ fn of_soup(
                 UNKNOWN
             }
         });
-        DepthPicture { camera: *camera, depth: depth.collect(), rgb: frame.to_pixels().rgb }
+        DepthPicture {
+            camera: *camera,
+            depth: depth.collect(),
+            rgb: frame.to_pixels().rgb,
+            weight: 1.0,
+        }
     };
     cameras.iter().enumerate().map(&mut one).collect()
 }
@@ -299,7 +306,7 @@ fn of_mesh(mesh: &Mesh, cameras: &[Camera], mut progress: StageProgress<'_>) -> 
             linear.to_array().map(srgb8_from_linear)
         };
         let rgb = visibility.face.iter().enumerate().map(color).collect();
-        DepthPicture { camera: *camera, depth: visibility.depth.clone(), rgb }
+        DepthPicture { camera: *camera, depth: visibility.depth.clone(), rgb, weight: 1.0 }
     };
     cameras.iter().enumerate().map(&mut one).collect()
 }
@@ -323,7 +330,7 @@ mod tests {
         };
         let depth = (0..30).flat_map(|y| (0..32).map(move |x| (x, y)));
         let depth: Vec<f32> = depth.map(|(x, y)| distance / normal.dot(ray(x, y))).collect();
-        DepthPicture { camera, rgb: vec![[9; 3]; depth.len()], depth }
+        DepthPicture { camera, rgb: vec![[9; 3]; depth.len()], depth, weight: 1.0 }
     }
 
     #[test]

@@ -129,9 +129,6 @@ impl DepthAnchors {
         space: &SceneNormalization,
         cameras: &[Camera],
     ) -> Vec<SeedPoint> {
-        let is_usable = |(i, point): &(usize, &Point)| {
-            !Dataset::is_validation_point(*i) && point.error.is_none_or(|error| error <= MAX_ERROR)
-        };
         let mut numbers = vec![None; dataset.points.len()];
         let mut seeds = Vec::new();
         for (photo, (view, camera)) in dataset.train().zip(cameras).enumerate() {
@@ -323,6 +320,11 @@ impl DepthAnchors {
         }
         params
     }
+}
+
+/// True for a tracked point that may be an anchor or a seed.
+pub(super) fn is_usable((i, point): &(usize, &Point)) -> bool {
+    !Dataset::is_validation_point(*i) && point.error.is_none_or(|error| error <= MAX_ERROR)
 }
 
 /// Counts of the rays that meet a triangle first.

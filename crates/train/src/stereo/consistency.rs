@@ -4,6 +4,7 @@ use super::color_agreement::{MAX_COLOR_DEVIATION, color_deviations};
 use super::gray_image::{GrayImage, ray};
 use super::propagation::{DepthCells, PatchPlane};
 use glam::{Vec2, Vec3};
+use trisplat_scene::parallel;
 
 /// Minimum number of photos that agree on a point.
 pub(super) const MIN_PHOTOS: usize = 3;
@@ -67,6 +68,26 @@ pub(super) fn consistent_points(
         }
     }
     matched
+}
+
+/// The depth of each cell of each photo; 0 where no other photo has the same surface up to
+/// `tolerance`. Two are enough: each plane correlates with two more photos.
+pub(super) fn consistent_depths(
+    photos: &[GrayImage],
+    maps: &[Vec<Option<PatchPlane>>],
+    side: u32,
+    tolerance: impl Fn(f32) -> f32 + Sync,
+) -> Vec<Vec<f32>> {
+    let cells = photos.iter().map(|photo| DepthCells::new(&photo.camera, side)).collect();
+    let planes = PhotoPlanes { photos, maps, cells };
+    parallel::collect(photos.len(), 1, |photo| {
+        let depth = |(cell, plane): (usize, &Option<PatchPlane>)| {
+            let plane = plane.filter(|plane| !plane.is_measured())?;
+            let own = planes.own(photo, cell as u32, plane);
+            (!planes.same_surface(&own, &tolerance).is_empty()).then_some(plane.depth)
+        };
+        maps[photo].iter().enumerate().map(|cell| depth(cell).unwrap_or(0.0)).collect()
+    })
 }
 
 /// The planes of the cells of all photos.

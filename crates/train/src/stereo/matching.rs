@@ -1,6 +1,8 @@
 //! Matching of photos: which are compared, and the points on which three agree.
 
-use super::consistency::{MEASURED_TOLERANCE, MatchedPoint, consistent_points, of_one_color};
+use super::consistency::{
+    MEASURED_TOLERANCE, MatchedPoint, consistent_depths, consistent_points, of_one_color,
+};
 use super::gray_image::{GrayImage, ray};
 use super::propagation::{DepthCells, PatchPlane, Propagation, SeedPoint};
 use glam::{Vec2, Vec3};
@@ -57,15 +59,37 @@ pub(super) fn propagate_planes(
         photos.iter().map(|photo| DepthCells::new(&photo.camera, side).len() as u64).sum::<u64>()
     };
     let side = (MIN_CELL_SIDE..).find(|side| count(*side) <= max_cells).unwrap_or(u32::MAX);
+    let maps = plane_maps(photos, neighbours, side, begin);
+    of_one_color(consistent_points(photos, &maps, side, tolerance), photos)
+}
+
+/// The planes of cells of `side` px of each photo, spread from those of `begin`.
+fn plane_maps(
+    photos: &[GrayImage],
+    neighbours: &[Vec<usize>],
+    side: u32,
+    begin: impl Fn(&mut Propagation<'_>, usize) + Sync,
+) -> Vec<Vec<Option<PatchPlane>>> {
     let of_photo = |own: usize| {
         let mut photo = Propagation::new(photos, own, &neighbours[own], side);
         begin(&mut photo, own);
         photo.seed_measured();
         photo.run()
     };
-    let maps: Vec<Vec<Option<PatchPlane>>> =
-        (0..photos.len()).into_par_iter().map(of_photo).collect();
-    of_one_color(consistent_points(photos, &maps, side, tolerance), photos)
+    (0..photos.len()).into_par_iter().map(of_photo).collect()
+}
+
+/// The depth of each cell of `side` px of each photo, spread from `seeds`; 0 where no other photo
+/// has the same surface.
+pub(super) fn propagate_depths(
+    photos: &[GrayImage],
+    seeds: &[SeedPoint],
+    side: u32,
+) -> Vec<Vec<f32>> {
+    let of_photo = group_by_photo(photos.len(), seeds);
+    let begin = |photo: &mut Propagation<'_>, own: usize| photo.seed_planes(&of_photo[own]);
+    let maps = plane_maps(photos, &neighbours(photos, &of_photo), side, begin);
+    consistent_depths(photos, &maps, side, |_| DEPTH_TOLERANCE)
 }
 
 /// Chooses the photos to compare each photo with: they share most of its points, from an angle near
