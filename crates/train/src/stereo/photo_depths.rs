@@ -115,7 +115,7 @@ mod tests {
         let (maps, correct) = measured(&dataset, 1);
         assert_eq!(maps.len(), dataset.train().count(), "a map per training photo");
         let known = maps.iter().flat_map(|map| &map.depth).filter(|depth| **depth > 0.0).count();
-        assert!(known > 2000 && correct > 0.85, "{correct} of {known}");
+        assert!(known > 8000 && correct > 0.75, "{correct} of {known}");
         // Points that judge are not used.
         for (i, point) in dataset.points.iter_mut().enumerate() {
             if Dataset::is_validation_point(i) {
