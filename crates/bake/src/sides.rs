@@ -1,15 +1,23 @@
-//! The sides of triangles: those that photos show from one side are drawn from that side only.
+//! The sides of triangles: a side is drawn where photos look better with it.
 //!
-//! Training never compared the other side with a photo. Drawn from there, such triangles are shards
-//! in front of what photos do show, and walls that hide a room from outside. Triangles that no
-//! photo shows keep both sides, because nothing says which is seen.
+//! The front of a triangle is the side that most pixels of photos show. Its back, drawn, is often a
+//! shard in front of what photos do show, or a wall that hides a room from outside; elsewhere it
+//! closes a gap. Photos tell which: the error of their pixels that show the back is compared with
+//! the error of what stands behind it. Backs that no photo shows are judged by those that a single
+//! photo shows: without that photo, they would be such backs. They are drawn only where these speak
+//! for it clearly, since they hide rooms.
+//!
+//! Triangles that no photo shows keep both sides, because nothing says which is seen. Without
+//! photos, cameras alone tell which sides are seen, and a back that one of them sees stays.
 
-use crate::views;
+use crate::views::{self, Views};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::Result;
 use trisplat_scene::camera::Camera;
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::color::srgb_from_linear;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Outcome, StageProgress};
 
@@ -17,7 +25,8 @@ use trisplat_scene::report::{Outcome, StageProgress};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Sides {
-    /// From the side that at least 90% of the photos' pixels show; else from both
+    /// From the side that most pixels of photos show, and from the other where photos look better
+    /// with it
     Auto,
     /// From both, unless a mesh says otherwise
     Both,
@@ -45,7 +54,8 @@ trisplat_scene::default!(SidesOptions);
 pub struct SidesDetails {
     /// Triangles that are drawn from one side from now on.
     pub single_sided: u64,
-    /// Triangles that cameras see from both sides.
+    /// Triangles whose back is drawn too: photos look better with it or, without photos, a camera
+    /// sees it.
     pub two_sided: u64,
     /// Triangles that no camera sees.
     pub unseen: u64,
@@ -53,15 +63,17 @@ pub struct SidesDetails {
 
 trisplat_scene::stage!(SidesDetails, "sides");
 
-/// Minimum share of a triangle's pixels that show one side, for it to be drawn from there only: at
-/// the outline of a surface a few pixels show the backs of triangles that lie across it.
-const MIN_SHARE: f64 = 0.9;
-
-/// Turns each face of `mesh` that `cameras` see from one side so that its front is there, and draws
-/// it from its front only from now on. A mesh with single-sided faces keeps its sides.
+/// Turns each face of `mesh` that `cameras` see so that its front is the side that most of their
+/// pixels show, and draws it from its front only from now on where `photos`, or without them the
+/// cameras, do not speak for its back. A mesh with single-sided faces keeps its sides.
+///
+/// # Errors
+///
+/// A photo that cannot be decoded.
 pub fn sides(
     mesh: &mut Mesh,
     cameras: &[Camera],
+    photos: Option<&mut Views>,
     options: &SidesOptions,
     details: &mut SidesDetails,
     progress: &mut StageProgress<'_>,
@@ -77,23 +89,30 @@ pub fn sides(
     if mesh.single_sided.contains(&true) {
         return Ok(Outcome::Skipped("the input says from which sides triangles are drawn"));
     }
-    let pixels = visible_sides(mesh, cameras, progress);
+    let pixels = visible_sides(mesh, cameras, &mut progress.part(0.0, 0.4));
+    for (face, [front, back]) in pixels.iter().enumerate() {
+        if back > front {
+            mesh.flip(face);
+        }
+    }
+    let is_seen: Vec<bool> = pixels.iter().map(|[front, back]| front + back > 0).collect();
+    let has_back: Vec<bool> = match photos {
+        Some(photos) => wanted_backs(mesh, &is_seen, photos, &mut progress.part(0.4, 1.0))?,
+        None => pixels.iter().map(|[front, back]| *front.min(back) > 0).collect(),
+    };
     let mut single_sided = vec![false; mesh.face_count()];
-    for (face, [front, back]) in pixels.into_iter().enumerate() {
-        if front + back == 0 {
+    for (face, single) in single_sided.iter_mut().enumerate() {
+        if !is_seen[face] {
             details.unseen += 1;
-        } else if (front.max(back) as f64) < MIN_SHARE * (front + back) as f64 {
+        } else if has_back[face] {
             details.two_sided += 1;
         } else {
             details.single_sided += 1;
-            single_sided[face] = true;
-            if back > front {
-                mesh.flip(face);
-            }
+            *single = true;
         }
     }
     if details.single_sided == 0 {
-        return Ok(Outcome::Skipped("cameras see every triangle from both sides, or not at all"));
+        return Ok(Outcome::Skipped("the backs of all triangles are wanted, or nobody sees any"));
     }
     mesh.single_sided = single_sided;
     Ok(Outcome::Changed(()))
@@ -124,4 +143,130 @@ fn visible_sides(
         }
     }
     pixels
+}
+
+/// What photos say for and against the back of a face.
+#[derive(Debug, Clone, Copy, Default)]
+struct BackEvidence {
+    /// Squared error of the pixels that show the back, less that of what stands behind it, sRGB in
+    /// 0 to 1. Negative where photos look better with the back.
+    excess: f64,
+    /// Number of photos that show the back before another face.
+    photos: u32,
+    /// The last of them.
+    last_photo: usize,
+}
+
+/// True for the faces whose backs are to be drawn, of those that are seen. `[F]`
+fn wanted_backs(
+    mesh: &mut Mesh,
+    is_seen: &[bool],
+    photos: &mut Views,
+    progress: &mut StageProgress<'_>,
+) -> Result<Vec<bool>> {
+    let evidence = back_evidence(mesh, is_seen, photos, progress)?;
+    Ok(judge_backs(&evidence, photos.len()))
+}
+
+/// Standard errors by which the backs of single photos must speak for backs that no photo shows:
+/// chance alone does so once in forty times.
+const CLEAR_ERRORS: f64 = 2.0;
+
+/// True for the backs with which photos look better; `photo_count` is the number of all photos.
+/// `[F]`
+fn judge_backs(evidence: &[BackEvidence], photo_count: usize) -> Vec<bool> {
+    let mut by_photo = vec![0.0; photo_count];
+    for of in evidence.iter().filter(|of| of.photos == 1) {
+        by_photo[of.last_photo] += of.excess;
+    }
+    let count = photo_count as f64;
+    let mean = by_photo.iter().sum::<f64>() / count;
+    let squares: f64 = by_photo.iter().map(|excess| (excess - mean).powi(2)).sum();
+    let standard_error = (squares / (count * (count - 1.0))).sqrt();
+    let are_unseen_wanted = mean < -CLEAR_ERRORS * standard_error;
+    let is_wanted = |of: &BackEvidence| {
+        if of.photos == 0 { are_unseen_wanted } else { of.excess < 0.0 }
+    };
+    evidence.iter().map(is_wanted).collect()
+}
+
+/// Compares each photo with the scene and with the scene without backs of seen faces. `[F]`
+fn back_evidence(
+    mesh: &mut Mesh,
+    is_seen: &[bool],
+    photos: &mut Views,
+    progress: &mut StageProgress<'_>,
+) -> Result<Vec<BackEvidence>> {
+    let options = photos.drawing(mesh, 1);
+    let colors: Vec<[f32; 3]> = (0..mesh.face_count()).map(|face| face_srgb(mesh, face)).collect();
+    let mut solid = SolidRasterizer::new();
+    let mut evidence = vec![BackEvidence::default(); mesh.face_count()];
+    let mut photo_excess: Vec<Option<f64>> = vec![None; mesh.face_count()];
+    let chosen: Vec<usize> = (0..photos.len()).collect();
+    photos.prefetch(&chosen);
+    for view in chosen {
+        progress.set(view, photos.len());
+        let photo = photos.photo(view)?;
+        let camera = photos.camera(view);
+        let with_backs = solid.visibility(mesh, camera, &options).face.clone();
+        mesh.single_sided = is_seen.to_vec();
+        let fronts = solid.visibility(mesh, camera, &options);
+        for (pixel, (&face, &behind)) in with_backs.iter().zip(&fronts.face).enumerate() {
+            // Nothing is known of a pixel behind which there is no face: surroundings come later.
+            if face == behind || face == NO_FACE || behind == NO_FACE {
+                continue;
+            }
+            let [back, front] =
+                [face, behind].map(|face| squared_error(&photo, pixel, colors[face as usize]));
+            *photo_excess[face as usize].get_or_insert(0.0) += back - front;
+        }
+        mesh.single_sided.clear();
+        for (of, excess) in evidence.iter_mut().zip(&mut photo_excess) {
+            if let Some(excess) = excess.take() {
+                of.excess += excess;
+                of.photos += 1;
+                of.last_photo = view;
+            }
+        }
+    }
+    Ok(evidence)
+}
+
+/// Mean colour of the corners of a face, sRGB in 0 to 1.
+fn face_srgb(mesh: &Mesh, face: usize) -> [f32; 3] {
+    let [a, b, c] = mesh.corner_colors(face);
+    std::array::from_fn(|channel| srgb_from_linear((a[channel] + b[channel] + c[channel]) / 3.0))
+}
+
+/// Weighted squared distance of a pixel of a photo from a colour, sRGB in 0 to 1.
+fn squared_error(photo: &RgbImage, pixel: usize, color: [f32; 3]) -> f64 {
+    let weight = photo.alpha.as_ref().map_or(1.0, |alpha| f64::from(alpha[pixel]) / 255.0);
+    let channels = photo.rgb[pixel].into_iter().zip(color);
+    let squares =
+        channels.map(|(code, color)| (f64::from(code) / 255.0 - f64::from(color)).powi(2));
+    weight * squares.sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn backs_no_photo_shows_are_judged_by_those_of_one_photo() {
+        // A back of no photo, one of three photos each, and one of many photos.
+        let judge = |single: [f64; 3]| {
+            let mut evidence = vec![BackEvidence::default()];
+            for (last_photo, excess) in single.into_iter().enumerate() {
+                evidence.push(BackEvidence { excess, photos: 1, last_photo });
+            }
+            evidence.push(BackEvidence { excess: 99.0, photos: 3, last_photo: 2 });
+            judge_backs(&evidence, 3)
+        };
+        assert_eq!(judge([-3.0, -2.0, -2.5]), [true, true, true, true, false]);
+        // Not clearly better; worse; a single photo has no standard error.
+        assert_eq!(judge([-3.0, 1.0, -1.0]), [false, true, false, true, false]);
+        assert_eq!(judge([3.0, 2.0, 2.5]), [false; 5]);
+        let one = BackEvidence { excess: -1.0, photos: 1, last_photo: 0 };
+        assert_eq!(judge_backs(&[BackEvidence::default(), one], 1), [false, true]);
+    }
 }

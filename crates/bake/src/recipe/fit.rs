@@ -26,7 +26,7 @@ impl Recipe<'_> {
         self.check_dataset(&mesh, pictures.photos.as_deref_mut())?;
         let mesh = self.exposure(mesh, trained_exposure, pictures.photos.as_deref_mut())?;
         let mesh = self.reshape(mesh, pictures.any(), traits)?;
-        self.sides(mesh, photo_cameras)
+        self.sides(mesh, photo_cameras, pictures.photos.as_deref_mut())
     }
 
     /// Refuses photos of another scene, before any work is done with them. Drawn pictures always
@@ -75,10 +75,15 @@ impl Recipe<'_> {
 
     /// Chooses the sides of triangles, after they moved, and before levels are made and colours are
     /// fitted to the drawn sides.
-    fn sides(&mut self, mesh: Mesh, cameras: &[Camera]) -> Result<Mesh> {
+    fn sides(
+        &mut self,
+        mesh: Mesh,
+        cameras: &[Camera],
+        photos: Option<&mut Views>,
+    ) -> Result<Mesh> {
         let options = &self.options.sides;
         self.long_stage(mesh, Mesh::counts, |mesh, details, progress| {
-            sides(mesh, cameras, options, details, progress)
+            sides(mesh, cameras, photos, options, details, progress)
         })
     }
 }
