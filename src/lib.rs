@@ -102,7 +102,7 @@ pub use trisplat_dataset::capture::{Capture, CaptureOptions, VerdictDetails};
 pub use trisplat_dataset::exposure::ExposureEvidence;
 pub use trisplat_dataset::{Dataset, DatasetOptions, Split, View};
 pub use trisplat_formats::gltf::GltfOptions;
-pub use trisplat_formats::output::{Output, OutputFiles};
+pub use trisplat_formats::output::Output;
 pub use trisplat_formats::{
     Content, Format, OutputOptions, OutputTarget as Target, ReadOptions, WrittenFiles,
 };
@@ -113,6 +113,7 @@ pub use trisplat_job::{
     ScoredPicture, Scores, ShineScores, TeacherPlan, TeacherSource, TrainBegins, TrainJob,
     TrainPart, TrainResult, bake, read, read_bytes, score, train, write,
 };
+pub use trisplat_scene::atomic::StartedFiles;
 pub use trisplat_scene::camera::{Camera, Viewpoint};
 pub use trisplat_scene::image::RgbImage;
 pub use trisplat_scene::layered::Layered;

@@ -9,8 +9,10 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::Dataset;
 use trisplat_dataset::capture::is_camera_file;
-use trisplat_formats::output::{Output, OutputFiles};
-use trisplat_scene::atomic::{AtomicFile, FileId, FolderLock, MadeFolders, folder_of, resolved};
+use trisplat_formats::output::Output;
+use trisplat_scene::atomic::{
+    AtomicFile, FileId, FolderLock, MadeFolders, StartedFiles, folder_of, resolved,
+};
 use trisplat_scene::{Error, Result, input};
 
 /// The inputs and outputs of a command.
@@ -28,7 +30,7 @@ pub(super) struct Outputs<'a> {
     folders: Vec<(&'static str, PathBuf, IsEndangered)>,
     /// Held until the command ends.
     locks: Vec<FolderLock>,
-    files: Vec<AtomicFile>,
+    files: StartedFiles,
     /// New folders; dropped after the files in them.
     made: Vec<MadeFolders>,
 }
@@ -58,7 +60,7 @@ impl<'a> Outputs<'a> {
             unfinished: Vec::new(),
             folders: Vec::new(),
             locks: Vec::new(),
-            files: Vec::new(),
+            files: StartedFiles::default(),
             made: Vec::new(),
         }
     }
@@ -177,7 +179,7 @@ impl<'a> Outputs<'a> {
         scene: &Output,
         dry_run: bool,
         report: Option<&Path>,
-    ) -> Result<OutputFiles> {
+    ) -> Result<StartedFiles> {
         let replace = self.replace;
         self.replace |= dry_run;
         self.plan_scene(scene)?;
@@ -190,7 +192,7 @@ impl<'a> Outputs<'a> {
     /// Plans to write `path` and starts it, so that no other program does.
     pub(super) fn reserve(&mut self, option: &'static str, path: &Path) -> Result<()> {
         self.plan(option, path)?;
-        self.files.push(AtomicFile::create(path)?);
+        self.files.add(path)?;
         self.recheck()
     }
 
@@ -263,10 +265,7 @@ impl<'a> Outputs<'a> {
 
     /// The started file of a path that was claimed.
     pub(super) fn take(&mut self, path: &Path) -> Result<AtomicFile> {
-        match self.files.iter().position(|file| file.path() == path) {
-            Some(at) => Ok(self.files.swap_remove(at)),
-            None => AtomicFile::create(path),
-        }
+        self.files.take(path)
     }
 }
 

@@ -11,7 +11,7 @@ use crate::tiles;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::atomic::StartedFiles;
 use trisplat_scene::ranges::{self, OptionNaming};
 use trisplat_scene::{Error, Result};
 
@@ -162,20 +162,6 @@ const SCENE_NODE: &str = "scene";
 
 /// Name of the node in a file of the collider.
 const COLLISION_NODE: &str = "collision";
-
-/// The files of an output, started but incomplete.
-#[derive(Debug)]
-pub struct OutputFiles(Vec<AtomicFile>);
-
-impl OutputFiles {
-    /// The started file of `path`, or a new one if it was not started.
-    fn take(&mut self, path: &Path) -> Result<AtomicFile> {
-        match self.0.iter().position(|file| file.path() == path) {
-            Some(at) => Ok(self.0.swap_remove(at)),
-            None => AtomicFile::create(path),
-        }
-    }
-}
 
 /// The kinds of files beside the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -378,20 +364,18 @@ impl Output {
         needed_files.chain(parts).chain(last).flatten().collect()
     }
 
-    /// Starts every file. From here on no other program writes them, and unwritable outputs have
-    /// failed.
+    /// Starts every file.
     ///
     /// # Errors
     ///
     /// Errors of the operating system; another program that writes one of them.
-    pub fn start(&self) -> Result<OutputFiles> {
-        let start = |path| AtomicFile::create(path);
-        self.publishing_order().into_iter().map(start).collect::<Result<_>>().map(OutputFiles)
+    pub fn start(&self) -> Result<StartedFiles> {
+        StartedFiles::start(self.publishing_order())
     }
 
     /// Files that only count bytes.
-    pub fn dry_run(&self) -> OutputFiles {
-        OutputFiles(self.paths().map(AtomicFile::nowhere).collect())
+    pub fn dry_run(&self) -> StartedFiles {
+        StartedFiles::dry_run(self.paths())
     }
 
     /// The files that name all levels, in the order of publication.

@@ -15,8 +15,9 @@ use trisplat_bake::{
 };
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
-use trisplat_formats::output::{self, Output, OutputFiles, WriteDetails};
+use trisplat_formats::output::{self, Output, WriteDetails};
 use trisplat_formats::{Content, WrittenFiles, gltf};
+use trisplat_scene::atomic::StartedFiles;
 use trisplat_scene::report::Report;
 use trisplat_scene::{Asset, Bounds, Error, Hit, ImportedScene, ImportedSplats, Result};
 
@@ -196,13 +197,13 @@ impl BakeJob {
     pub fn write(
         self,
         output: &Output,
-        files: OutputFiles,
+        files: StartedFiles,
         observer: Observer<'_>,
     ) -> Result<Baked> {
         self.run_to(Some((output, files)), observer)
     }
 
-    fn run_to(self, to: Option<(&Output, OutputFiles)>, observer: Observer<'_>) -> Result<Baked> {
+    fn run_to(self, to: Option<(&Output, StartedFiles)>, observer: Observer<'_>) -> Result<Baked> {
         let began = self.began.unwrap_or_else(Instant::now);
         let mut report = Report::new("bake");
         report.inputs = self.names();

@@ -133,6 +133,49 @@ impl AtomicFile {
     }
 }
 
+/// Files that were started and are not yet written, found by their names.
+#[derive(Debug, Default)]
+pub struct StartedFiles(Vec<AtomicFile>);
+
+impl StartedFiles {
+    /// Starts a file for each of `paths`. From here on no other program writes them, and outputs
+    /// that cannot be written have failed.
+    ///
+    /// # Errors
+    ///
+    /// As for [`AtomicFile::create`].
+    pub fn start<'p>(paths: impl IntoIterator<Item = &'p Path>) -> Result<Self> {
+        paths.into_iter().map(AtomicFile::create).collect::<Result<_>>().map(Self)
+    }
+
+    /// Files that only count bytes.
+    pub fn dry_run<'p>(paths: impl IntoIterator<Item = &'p Path>) -> Self {
+        Self(paths.into_iter().map(AtomicFile::nowhere).collect())
+    }
+
+    /// Starts one more file.
+    ///
+    /// # Errors
+    ///
+    /// As for [`AtomicFile::create`].
+    pub fn add(&mut self, path: &Path) -> Result<()> {
+        self.0.push(AtomicFile::create(path)?);
+        Ok(())
+    }
+
+    /// The started file of `path`, or a new one if it was not started.
+    ///
+    /// # Errors
+    ///
+    /// As for [`AtomicFile::create`].
+    pub fn take(&mut self, path: &Path) -> Result<AtomicFile> {
+        match self.0.iter().position(|file| file.path() == path) {
+            Some(at) => Ok(self.0.swap_remove(at)),
+            None => AtomicFile::create(path),
+        }
+    }
+}
+
 /// Gives files that belong together their names, in this order and ending with the one that names
 /// the others, when all bytes are on the disk. After an error each name has its old file. Returns
 /// the sizes, bytes.

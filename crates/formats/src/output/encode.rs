@@ -1,6 +1,6 @@
 //! Writes the files of an output: each in its format, then the files that name all levels.
 
-use super::{Output, OutputFiles, OutputFormat, OutputOptions, WriteDetails};
+use super::{Output, OutputFormat, OutputOptions, WriteDetails};
 use crate::gltf::{self as gltf, GltfOptions, from_file_name, node_names};
 use crate::levels::{EngineLevels, EngineScene, LevelFile};
 use crate::tiles::{self, TilesetTile, TilesetWriter};
@@ -8,7 +8,7 @@ use crate::{html, obj, ply, usdz};
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use trisplat_scene::atomic::{AtomicFile, publish};
+use trisplat_scene::atomic::{AtomicFile, StartedFiles, publish};
 use trisplat_scene::report::{Outcome, OutputReport, Report, StageObserver};
 use trisplat_scene::{Asset, Error, Provenance, Result, Tile};
 
@@ -30,7 +30,7 @@ const NO_SIDES: &str = "this file does not say from which sides triangles are dr
 pub fn write(
     asset: &Asset,
     output: &Output,
-    files: OutputFiles,
+    files: StartedFiles,
     options: &OutputOptions,
     report: &mut Report,
     observer: StageObserver<'_>,
@@ -83,7 +83,7 @@ pub fn write(
 /// The files of an output during writing.
 struct SetWriter<'a> {
     options: &'a OutputOptions,
-    started: OutputFiles,
+    started: StartedFiles,
     written: Vec<AtomicFile>,
 }
 
