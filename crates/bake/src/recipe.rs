@@ -94,7 +94,8 @@ impl<'a> Recipe<'a> {
         let has_pictures = pictures.any().is_some();
         let (mesh, mut provenance) = self.solid_mesh(scene, &cameras.visibility, has_pictures)?;
         let mesh = self.unseen(mesh, backdrop, pictures.any(), &cameras, traits.is_soft)?;
-        let mesh = self.fit(mesh, provenance.exposure, &mut pictures, traits, &cameras.photos)?;
+        let exposure = provenance.exposure;
+        let mesh = self.fit(mesh, backdrop, exposure, &mut pictures, traits, &cameras.photos)?;
 
         // Surroundings, outside the levels of detail.
         let (mesh, mut surroundings) =

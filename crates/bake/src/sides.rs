@@ -65,13 +65,15 @@ trisplat_scene::stage!(SidesDetails, "sides");
 
 /// Turns each face of `mesh` that `cameras` see so that its front is the side that most of their
 /// pixels show, and draws it from its front only from now on where `photos`, or without them the
-/// cameras, do not speak for its back. A mesh with single-sided faces keeps its sides.
+/// cameras, do not speak for its back. `backdrop` stands behind the mesh. A mesh with single-sided
+/// faces keeps its sides.
 ///
 /// # Errors
 ///
 /// A photo that cannot be decoded.
 pub fn sides(
     mesh: &mut Mesh,
+    backdrop: Option<&Mesh>,
     cameras: &[Camera],
     photos: Option<&mut Views>,
     options: &SidesOptions,
@@ -97,7 +99,11 @@ pub fn sides(
     }
     let is_seen: Vec<bool> = pixels.iter().map(|[front, back]| front + back > 0).collect();
     let has_back: Vec<bool> = match photos {
-        Some(photos) => wanted_backs(mesh, &is_seen, photos, &mut progress.part(0.4, 1.0))?,
+        Some(photos) => {
+            let scene = WithBackdrop { mesh, backdrop, is_seen: &is_seen };
+            let evidence = back_evidence(&scene, photos, &mut progress.part(0.4, 1.0))?;
+            judge_backs(&evidence, photos.len())
+        }
         None => pixels.iter().map(|[front, back]| *front.min(back) > 0).collect(),
     };
     let mut single_sided = vec![false; mesh.face_count()];
@@ -151,21 +157,10 @@ struct BackEvidence {
     /// Squared error of the pixels that show the back, less that of what stands behind it, sRGB in
     /// 0 to 1. Negative where photos look better with the back.
     excess: f64,
-    /// Number of photos that show the back before another face.
+    /// Number of photos that show the back.
     photos: u32,
     /// The last of them.
     last_photo: usize,
-}
-
-/// True for the faces whose backs are to be drawn, of those that are seen. `[F]`
-fn wanted_backs(
-    mesh: &mut Mesh,
-    is_seen: &[bool],
-    photos: &mut Views,
-    progress: &mut StageProgress<'_>,
-) -> Result<Vec<bool>> {
-    let evidence = back_evidence(mesh, is_seen, photos, progress)?;
-    Ok(judge_backs(&evidence, photos.len()))
 }
 
 /// Standard errors by which the backs of single photos must speak for backs that no photo shows:
@@ -190,37 +185,54 @@ fn judge_backs(evidence: &[BackEvidence], photo_count: usize) -> Vec<bool> {
     evidence.iter().map(is_wanted).collect()
 }
 
+/// A scene whose backs are judged.
+struct WithBackdrop<'a> {
+    mesh: &'a Mesh,
+    /// What stands behind the mesh.
+    backdrop: Option<&'a Mesh>,
+    /// True for the faces that cameras see. `[F]`
+    is_seen: &'a [bool],
+}
+
 /// Compares each photo with the scene and with the scene without backs of seen faces. `[F]`
 fn back_evidence(
-    mesh: &mut Mesh,
-    is_seen: &[bool],
+    scene: &WithBackdrop<'_>,
     photos: &mut Views,
     progress: &mut StageProgress<'_>,
 ) -> Result<Vec<BackEvidence>> {
-    let options = photos.drawing(mesh, 1);
-    let colors: Vec<[f32; 3]> = (0..mesh.face_count()).map(|face| face_srgb(mesh, face)).collect();
+    let faces = scene.mesh.face_count();
+    let options = photos.drawing(scene.mesh, 1);
+    let mut with_backs = scene.mesh.clone();
+    if let Some(backdrop) = scene.backdrop {
+        with_backs.append(backdrop.clone())?;
+    }
+    let mut fronts = with_backs.clone();
+    fronts.single_sided = scene.is_seen.to_vec();
+    fronts.single_sided.resize(fronts.face_count(), false);
+    let colors: Vec<[f32; 3]> =
+        (0..with_backs.face_count()).map(|face| face_srgb(&with_backs, face)).collect();
+    // Where there is no face, the background shows.
+    let color = |face: u32| colors.get(face as usize).copied().unwrap_or(options.background);
     let mut solid = SolidRasterizer::new();
-    let mut evidence = vec![BackEvidence::default(); mesh.face_count()];
-    let mut photo_excess: Vec<Option<f64>> = vec![None; mesh.face_count()];
+    let mut evidence = vec![BackEvidence::default(); faces];
+    let mut photo_excess: Vec<Option<f64>> = vec![None; faces];
     let chosen: Vec<usize> = (0..photos.len()).collect();
     photos.prefetch(&chosen);
     for view in chosen {
         progress.set(view, photos.len());
         let photo = photos.photo(view)?;
+        let is_cut = photos.is_cut(view);
         let camera = photos.camera(view);
-        let with_backs = solid.visibility(mesh, camera, &options).face.clone();
-        mesh.single_sided = is_seen.to_vec();
-        let fronts = solid.visibility(mesh, camera, &options);
-        for (pixel, (&face, &behind)) in with_backs.iter().zip(&fronts.face).enumerate() {
-            // Nothing is known of a pixel behind which there is no face: surroundings come later.
-            if face == behind || face == NO_FACE || behind == NO_FACE {
+        let shown = solid.visibility(&with_backs, camera, &options).face.clone();
+        let behind = solid.visibility(&fronts, camera, &options);
+        for (pixel, (&face, &behind)) in shown.iter().zip(&behind.face).enumerate() {
+            if face == behind || face as usize >= faces {
                 continue;
             }
-            let [back, front] =
-                [face, behind].map(|face| squared_error(&photo, pixel, colors[face as usize]));
-            *photo_excess[face as usize].get_or_insert(0.0) += back - front;
+            let pixel = PhotoPixel::new(&photo, pixel, is_cut, options.background);
+            let excess = pixel.squared_error(color(face)) - pixel.squared_error(color(behind));
+            *photo_excess[face as usize].get_or_insert(0.0) += excess;
         }
-        mesh.single_sided.clear();
         for (of, excess) in evidence.iter_mut().zip(&mut photo_excess) {
             if let Some(excess) = excess.take() {
                 of.excess += excess;
@@ -238,13 +250,31 @@ fn face_srgb(mesh: &Mesh, face: usize) -> [f32; 3] {
     std::array::from_fn(|channel| srgb_from_linear((a[channel] + b[channel] + c[channel]) / 3.0))
 }
 
-/// Weighted squared distance of a pixel of a photo from a colour, sRGB in 0 to 1.
-fn squared_error(photo: &RgbImage, pixel: usize, color: [f32; 3]) -> f64 {
-    let weight = photo.alpha.as_ref().map_or(1.0, |alpha| f64::from(alpha[pixel]) / 255.0);
-    let channels = photo.rgb[pixel].into_iter().zip(color);
-    let squares =
-        channels.map(|(code, color)| (f64::from(code) / 255.0 - f64::from(color)).powi(2));
-    weight * squares.sum::<f64>()
+/// A pixel of a photo.
+struct PhotoPixel {
+    /// sRGB in 0 to 1.
+    srgb: [f32; 3],
+    weight: f32,
+}
+
+impl PhotoPixel {
+    /// Alpha of a photo that is cut is the share that the object covers of the pixel; else it is
+    /// the weight of the pixel.
+    fn new(photo: &RgbImage, pixel: usize, is_cut: bool, background: [f32; 3]) -> Self {
+        let alpha = photo.alpha.as_ref().map_or(1.0, |alpha| f32::from(alpha[pixel]) / 255.0);
+        let srgb = photo.rgb[pixel].map(|code| f32::from(code) / 255.0);
+        if !is_cut {
+            return Self { srgb, weight: alpha };
+        }
+        let over = |channel: usize| alpha * srgb[channel] + (1.0 - alpha) * background[channel];
+        Self { srgb: std::array::from_fn(over), weight: 1.0 }
+    }
+
+    /// Weighted squared distance from a colour, sRGB in 0 to 1.
+    fn squared_error(&self, color: [f32; 3]) -> f64 {
+        let squares = self.srgb.iter().zip(color).map(|(a, b)| f64::from(a - b).powi(2));
+        f64::from(self.weight) * squares.sum::<f64>()
+    }
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@ impl Recipe<'_> {
     pub(super) fn fit(
         &mut self,
         mesh: Mesh,
+        backdrop: Option<&Mesh>,
         trained_exposure: Option<[f32; 3]>,
         pictures: &mut TargetPictures<'_>,
         traits: SceneTraits,
@@ -26,7 +27,7 @@ impl Recipe<'_> {
         self.check_dataset(&mesh, pictures.photos.as_deref_mut())?;
         let mesh = self.exposure(mesh, trained_exposure, pictures.photos.as_deref_mut())?;
         let mesh = self.reshape(mesh, pictures.any(), traits)?;
-        self.sides(mesh, photo_cameras, pictures.photos.as_deref_mut())
+        self.sides(mesh, backdrop, photo_cameras, pictures.photos.as_deref_mut())
     }
 
     /// Refuses photos of another scene, before any work is done with them. Drawn pictures always
@@ -78,12 +79,13 @@ impl Recipe<'_> {
     fn sides(
         &mut self,
         mesh: Mesh,
+        backdrop: Option<&Mesh>,
         cameras: &[Camera],
         photos: Option<&mut Views>,
     ) -> Result<Mesh> {
         let options = &self.options.sides;
         self.long_stage(mesh, Mesh::counts, |mesh, details, progress| {
-            sides(mesh, cameras, photos, options, details, progress)
+            sides(mesh, backdrop, cameras, photos, options, details, progress)
         })
     }
 }

@@ -9,7 +9,7 @@ use trisplat_scene::{
     Asset, ImportedScene, Result,
     camera::Camera,
     math::geometry::octasphere,
-    mesh::Mesh,
+    mesh::{Colors, Mesh},
     report::{Outcome, StageEvent, StageProgress},
 };
 
@@ -22,6 +22,7 @@ fn stage(
     let options = SidesOptions { sides: sides_of };
     let outcome = sides(
         mesh,
+        None,
         cameras,
         None,
         &options,
@@ -136,19 +137,24 @@ fn ball_and_cards() -> Mesh {
 
 #[test]
 fn backs_are_drawn_where_photos_look_better_with_them() {
-    // In truth every other card has one side.
-    let mut truth = ball_and_cards();
-    let ball = truth.face_count() - 12;
+    // Red cards around a blue ball; in truth every other card has one side.
+    let ball = ball_and_cards().face_count() - 12;
+    let color = |face| if face < ball { [0.1, 0.2, 0.6] } else { [0.9, 0.1, 0.1] };
+    let colored = || {
+        let mesh = ball_and_cards();
+        Mesh { colors: Colors::Face((0..mesh.face_count()).map(color).collect()), ..mesh }
+    };
+    let mut truth = colored();
     truth.single_sided = (0..truth.face_count()).map(|face| face < ball || face % 2 == 0).collect();
     let (_folder, dataset) = photograph(&truth, |_, photo| photo);
-    let mut scene = ball_and_cards();
+    let mut scene = colored();
     let mut photos = views(&dataset);
     let cameras = photos.cameras().to_vec();
     let mut details = SidesDetails::default();
     let mut quiet = |_: StageEvent<'_>| Continue(());
     let progress = &mut StageProgress::new(&mut quiet);
     let options = SidesOptions::DEFAULT;
-    sides(&mut scene, &cameras, Some(&mut photos), &options, &mut details, progress).unwrap();
+    sides(&mut scene, None, &cameras, Some(&mut photos), &options, &mut details, progress).unwrap();
     let cards = (ball..scene.face_count()).filter(|face| scene.is_single_sided(*face));
     let cards: Vec<usize> = cards.collect();
     assert!(cards.len() >= 3, "{cards:?}");
@@ -158,7 +164,7 @@ fn backs_are_drawn_where_photos_look_better_with_them() {
     }
     assert!(scene.single_sided[..ball].iter().filter(|single| **single).count() > ball / 2);
     // Cameras alone keep every back that they see.
-    let mut scene = ball_and_cards();
+    let mut scene = colored();
     stage(&mut scene, &cameras, Sides::Auto).0.unwrap();
     assert!((ball..scene.face_count()).all(|face| !scene.is_single_sided(face)));
 }
