@@ -195,7 +195,9 @@ fn a_file_is_drawn_like_the_scene_it_was_made_from() {
     let placed = ["--up", "z", "--set", "scale=3", "--set", "center=true"];
     let solid = renders.join("solid");
     let both = written("a.glb", &["--set", "sides=both"]);
-    assert!(alike(&solid, &both) < 45.0, "sides are seen");
+    // Cameras alone keep the backs that they see, and held-out ones see a few more.
+    let sides = alike(&solid, &both);
+    assert!((30.0..100.0).contains(&sides), "sides are seen: {sides} dB");
     // OBJ and PLY say nothing of sides, so their triangles are fitted with both.
     for (name, wants) in [("b.glb", &solid), ("c.obj", &both), ("d.ply", &both)] {
         let like = alike(wants, &written(name, &placed));

@@ -308,11 +308,11 @@ const BESIDE_PHOTOS: [&str; 12] = [
 /// drives: `masks_2`, `@eaDir`, `#recycle`, `$RECYCLE.BIN`, `.git`.
 pub(super) fn is_beside_photos(folder: &str) -> bool {
     let name = folder.to_lowercase();
-    let is_word = |word: &&str| {
-        let rest = name.strip_prefix(*word);
+    let is_word = |word: &str| {
+        let rest = name.strip_prefix(word);
         rest.is_some_and(|rest| !rest.starts_with(char::is_alphabetic))
     };
-    name.starts_with(['.', '@', '#', '$']) || BESIDE_PHOTOS.iter().any(|word| is_word(&word))
+    name.starts_with(['.', '@', '#', '$']) || BESIDE_PHOTOS.into_iter().any(is_word)
 }
 
 /// The pictures below `folder` by name and by stem, in lower case.
