@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn photo_depths_are_right_and_the_same_for_any_number_of_threads() {
         let folder = tempfile::tempdir().unwrap();
-        let options = SyntheticOptions { views: 16, width: 128, ..SyntheticOptions::default() };
+        let options = SyntheticOptions { views: 24, width: 160, ..SyntheticOptions::default() };
         trisplat_synthetic::write(folder.path(), &options).unwrap();
         let mut dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
         let (maps, correct) = measured(&dataset, 1);
