@@ -10,8 +10,15 @@ use trisplat_scene::image::RgbImage;
 fuzz_target!(|bytes: &[u8]| {
     let Some((kind, rest)) = bytes.split_first() else { return };
     let names: &[&str] = match kind % 6 {
-        0 => &["transforms.json", "points.ply", "test.txt"],
-        1 => &["sparse/0/cameras.txt", "sparse/0/images.txt", "sparse/0/points3D.txt", "test.txt"],
+        0 => &["transforms.json", "points.ply", "test.txt", "depths/a.png"],
+        1 => &[
+            "sparse/0/cameras.txt",
+            "sparse/0/images.txt",
+            "sparse/0/points3D.txt",
+            "test.txt",
+            "sparse/0/depth_params.json",
+            "depths/a.png",
+        ],
         2 => &["cameras.xml"],
         3 => &["poses.csv"],
         4 => &["poses_bounds.npy"],
@@ -20,6 +27,7 @@ fuzz_target!(|bytes: &[u8]| {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir_all(folder.path().join("sparse/0")).unwrap();
     std::fs::create_dir(folder.path().join("images")).unwrap();
+    std::fs::create_dir(folder.path().join("depths")).unwrap();
     let mut parts = split(rest).into_iter();
     for name in names {
         std::fs::write(folder.path().join(name), parts.next().unwrap_or_default()).unwrap();
@@ -30,6 +38,7 @@ fuzz_target!(|bytes: &[u8]| {
         for view in &dataset.views {
             view.camera.validate(&Limits::DEFAULT).unwrap();
             drop(view.photo.decode());
+            drop(view.photo.decode_depth());
         }
     }
 });
