@@ -63,9 +63,9 @@ pub struct SidesDetails {
 
 trisplat_scene::stage!(SidesDetails, "sides");
 
-/// Turns each face of `mesh` that `cameras` see so that its front is the side that most of their
-/// pixels show, and draws it from its front only from now on where `photos`, or without them the
-/// cameras, do not speak for its back. `backdrop` stands behind the mesh. A mesh with single-sided
+/// Draws each face of `mesh` that `cameras` see from its front only from now on, the side that most
+/// of their pixels show, where `photos`, or without them the cameras, do not speak for its back; it
+/// is turned so that its front is there. `backdrop` stands behind the mesh. A mesh with single-sided
 /// faces keeps its sides.
 ///
 /// # Errors
@@ -92,29 +92,27 @@ pub fn sides(
         return Ok(Outcome::Skipped("the input says from which sides triangles are drawn"));
     }
     let pixels = visible_sides(mesh, cameras, &mut progress.part(0.0, 0.4));
-    for (face, [front, back]) in pixels.iter().enumerate() {
-        if back > front {
-            mesh.flip(face);
-        }
-    }
-    let is_seen: Vec<bool> = pixels.iter().map(|[front, back]| front + back > 0).collect();
     let has_back: Vec<bool> = match photos {
         Some(photos) => {
-            let scene = WithBackdrop { mesh, backdrop, is_seen: &is_seen };
-            let evidence = back_evidence(&scene, photos, &mut progress.part(0.4, 1.0))?;
+            let fronts = fronts(mesh, &pixels);
+            let evidence =
+                back_evidence(mesh, fronts, backdrop, photos, &mut progress.part(0.4, 1.0))?;
             judge_backs(&evidence, photos.len())
         }
         None => pixels.iter().map(|[front, back]| *front.min(back) > 0).collect(),
     };
     let mut single_sided = vec![false; mesh.face_count()];
-    for (face, single) in single_sided.iter_mut().enumerate() {
-        if !is_seen[face] {
+    for (face, [front, back]) in pixels.into_iter().enumerate() {
+        if front + back == 0 {
             details.unseen += 1;
         } else if has_back[face] {
             details.two_sided += 1;
         } else {
             details.single_sided += 1;
-            *single = true;
+            single_sided[face] = true;
+            if back > front {
+                mesh.flip(face);
+            }
         }
     }
     if details.single_sided == 0 {
@@ -185,30 +183,34 @@ fn judge_backs(evidence: &[BackEvidence], photo_count: usize) -> Vec<bool> {
     evidence.iter().map(is_wanted).collect()
 }
 
-/// A scene whose backs are judged.
-struct WithBackdrop<'a> {
-    mesh: &'a Mesh,
-    /// What stands behind the mesh.
-    backdrop: Option<&'a Mesh>,
-    /// True for the faces that cameras see. `[F]`
-    is_seen: &'a [bool],
+/// The scene with faces that are seen turned to the pixels that show them, and without their backs;
+/// `pixels` show the front and the back of each face.
+fn fronts(mesh: &Mesh, pixels: &[[u64; 2]]) -> Mesh {
+    let mut fronts = mesh.clone();
+    fronts.single_sided = pixels.iter().map(|[front, back]| front + back > 0).collect();
+    for (face, [front, back]) in pixels.iter().enumerate() {
+        if back > front {
+            fronts.flip(face);
+        }
+    }
+    fronts
 }
 
-/// Compares each photo with the scene and with the scene without backs of seen faces. `[F]`
+/// Compares each photo with the scene and with its `fronts`, both before the backdrop. `[F]`
 fn back_evidence(
-    scene: &WithBackdrop<'_>,
+    mesh: &Mesh,
+    mut fronts: Mesh,
+    backdrop: Option<&Mesh>,
     photos: &mut Views,
     progress: &mut StageProgress<'_>,
 ) -> Result<Vec<BackEvidence>> {
-    let faces = scene.mesh.face_count();
-    let options = photos.drawing(scene.mesh, 1);
-    let mut with_backs = scene.mesh.clone();
-    if let Some(backdrop) = scene.backdrop {
+    let faces = mesh.face_count();
+    let options = photos.drawing(mesh, 1);
+    let mut with_backs = mesh.clone();
+    if let Some(backdrop) = backdrop {
         with_backs.append(backdrop.clone())?;
+        fronts.append(backdrop.clone())?;
     }
-    let mut fronts = with_backs.clone();
-    fronts.single_sided = scene.is_seen.to_vec();
-    fronts.single_sided.resize(fronts.face_count(), false);
     let colors: Vec<[f32; 3]> =
         (0..with_backs.face_count()).map(|face| face_srgb(&with_backs, face)).collect();
     // Where there is no face, the background shows.
