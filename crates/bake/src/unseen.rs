@@ -3,7 +3,8 @@
 //! Triangles are ranked by the area they cover in all photos together, after everything in front of
 //! them, in pixels. Triangles outside every picture are kept, because nothing hides them from other
 //! views. Hidden triangles are kept when they are few: they cost little, and close gaps in other
-//! views. With a budget of triangles, the visible ones are then ranked by importance (see
+//! views. Where triangles share edges, a part that is seen stays whole: a closed mesh stays closed.
+//! With a budget of triangles, the visible ones are then ranked by importance (see
 //! `decimate`).
 
 use crate::decimate::Decimation;
@@ -107,6 +108,9 @@ pub struct FaceLimit {
     pub max_faces: Option<u64>,
     /// Faces exempt from removal, fewer than `max_faces`; empty: none. `[F]`
     pub protected: Vec<bool>,
+    /// The connected part of each face: all of a part that is seen well enough is exempt too;
+    /// empty: none. `[F]`
+    pub parts: Vec<Option<u32>>,
 }
 
 /// Drops faces of `mesh` that `cameras` do not see (those of `views` if there are photos), and more
@@ -145,12 +149,11 @@ pub fn unseen(
     let are_photos = views.as_ref().is_some_and(|views| !views.is_drawn());
     let ranking = rank(mesh, cameras, &visible_area, options, are_photos, details)?;
     let VisibilityRanking { mut ranked, visible, seen_enough, needed } = ranking;
-    let [seen_enough, needed] =
-        protected_first(&mut ranked, &limit.protected, [seen_enough, needed]);
+    let protected = with_seen_parts(limit, &visible_area, options.min_seen_px);
+    let [seen_enough, needed] = protected_first(&mut ranked, &protected, [seen_enough, needed]);
     let mut keep = needed.min(max_faces);
     let decimates = keep < seen_enough || options.max_error.is_some();
-    let mut decimation =
-        decimates.then(|| Decimation::new(mesh, cameras).protecting(&limit.protected));
+    let mut decimation = decimates.then(|| Decimation::new(mesh, cameras).protecting(&protected));
     if let Some(decimation) = &mut decimation {
         let fewest =
             if options.max_error.is_some() { visible / MAX_REDUCTION } else { keep }.max(1);
@@ -263,6 +266,29 @@ pub fn masked(
     let dropped = (mesh.face_count() - kept.len()) as u64;
     mesh.keep(&kept);
     Ok(Some(dropped))
+}
+
+/// The protected faces of `limit`, and all faces of its parts of which `min_px` are visible. `[F]`
+fn with_seen_parts(limit: &FaceLimit, visible_area: &[f32], min_px: f64) -> Vec<bool> {
+    let mut protected = limit.protected.clone();
+    if limit.parts.is_empty() {
+        return protected;
+    }
+    let mut area_of_part = vec![0.0; limit.parts.len()];
+    for (part, area) in limit.parts.iter().zip(visible_area) {
+        if let Some(part) = part {
+            area_of_part[*part as usize] += f64::from(*area);
+        }
+    }
+    let is_seen = |part: u32| {
+        let area = area_of_part[part as usize];
+        area > 0.0 && area >= min_px
+    };
+    protected.resize(limit.parts.len(), false);
+    for (protected, part) in protected.iter_mut().zip(&limit.parts) {
+        *protected |= part.is_some_and(is_seen);
+    }
+    protected
 }
 
 /// Puts the faces that are `protected` first, the order unchanged otherwise; returns how many faces

@@ -20,9 +20,15 @@ const MAX_FACES_AT_EDGE: usize = 4;
 /// True for faces of a part whose triangles share edges. Faces of a shell and with harmonics of
 /// their own never are. `[F]`
 pub fn connected_faces(mesh: &Mesh) -> Vec<bool> {
+    connected_parts(mesh).iter().map(Option::is_some).collect()
+}
+
+/// The first face of each face's part, whose triangles share edges; `None` for triangles that are
+/// not [connected](connected_faces). `[F]`
+pub fn connected_parts(mesh: &Mesh) -> Vec<Option<u32>> {
     let faces = mesh.face_count();
     if mesh.sh.is_some() {
-        return vec![false; faces];
+        return vec![None; faces];
     }
     let Places { of_vertices, is_shared } = Places::of(mesh);
     let sides = |face: usize| {
@@ -48,7 +54,7 @@ pub fn connected_faces(mesh: &Mesh) -> Vec<bool> {
     for part in &part_of {
         sizes[*part as usize] += 1;
     }
-    part_of.iter().map(|part| sizes[*part as usize] >= MIN_FACES).collect()
+    part_of.into_iter().map(|part| (sizes[part as usize] >= MIN_FACES).then_some(part)).collect()
 }
 
 /// Places of the vertices of a mesh.

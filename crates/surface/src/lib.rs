@@ -32,7 +32,7 @@ mod picture;
 mod simplify;
 
 pub use collapse::{Collapsed, EdgeCollapse};
-pub use connected::connected_faces;
+pub use connected::{connected_faces, connected_parts};
 pub use extract::{
     CollisionDetails, CollisionOptions, Observations, SurfacePart, collision, surface,
     surface_of_part,

@@ -10,6 +10,7 @@ use crate::views::Views;
 use trisplat_scene::Result;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::Outcome;
+use trisplat_surface::connected_parts;
 
 impl Recipe<'_> {
     /// As soon as triangles are opaque and hide each other, before later stages work on hidden
@@ -60,7 +61,13 @@ impl Recipe<'_> {
                 if exceeds && !is_soup {
                     protect_connected(mesh, &mut protected);
                 }
-                let limit = FaceLimit { max_faces, protected };
+                let are_whole = !is_soup && !exceeds && unseen_options.max_error.is_none();
+                let parts = if are_whole && !cameras.is_empty() {
+                    connected_parts(mesh)
+                } else {
+                    Vec::new()
+                };
+                let limit = FaceLimit { max_faces, protected, parts };
                 let outcome =
                     unseen(mesh, cameras, views, &unseen_options, &limit, details, progress)?;
                 Ok(if details.masked.is_some_and(|dropped| dropped > 0) {

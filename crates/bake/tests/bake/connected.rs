@@ -10,7 +10,7 @@ use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::geometry::octasphere;
 use trisplat_scene::math::metric::psnr;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{Asset, FaceTexture, Rng, Texture};
+use trisplat_scene::{Asset, FaceTexture, ImportedScene, Rng, Texture};
 use trisplat_surface::CollisionOptions;
 
 /// A closed ball with bumps, of 8 · 4^levels triangles that share vertices.
@@ -201,6 +201,23 @@ fn parts_of_a_mixed_scene_are_simplified_each_by_its_kind() {
     assert_eq!(count(&fewer), [1024, all / 2]);
     // All three edges of each loose triangle are open, and no others.
     assert_eq!([level, &fewer].map(|asset| open_edges(&asset.mesh)), [3 * 128; 2]);
+}
+
+#[test]
+fn hidden_faces_of_a_connected_part_stay() {
+    let mut mesh = bumpy(4);
+    let whole = mesh.face_count();
+    let mut hidden = bumpy(3);
+    for place in &mut hidden.positions {
+        *place *= 0.5;
+    }
+    mesh.append(hidden).unwrap();
+    let mut scene = ImportedScene::from(mesh);
+    // From one side only: the other half hides behind it.
+    scene.cameras = around(1, 3.0, 200);
+    let asset = Bake::new(&BakeOptions::default()).run([scene]).unwrap();
+    assert_eq!(asset.scene_faces(), whole, "the ball stays whole, the one inside it goes");
+    assert_eq!(open_edges(&asset.mesh), 0);
 }
 
 fn bounds_middle(mesh: &Mesh) -> f32 {
