@@ -7,7 +7,7 @@
 pub use crate::gltf::{Finding, Severity};
 
 use crate::gltf::{self, Findings};
-use crate::read::{detect, format_of_splats, read_as, read_splats};
+use crate::read::{FileKind, detect, kind_of, read_as, read_splats};
 use crate::{Format, ReadOptions, Source, html};
 use glam::Vec3;
 use schemars::JsonSchema;
@@ -43,11 +43,10 @@ impl Checked {
 /// `Io`, and `Unsupported` for a file of no known format. A broken file is a finding.
 pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
     let mut source = Source::open(path, &options.limits)?;
-    if let Ok(Some(format)) = format_of_splats(&mut source, &options.limits) {
+    let format = detect(&mut source)?;
+    if let Ok(FileKind::Splats(format)) = kind_of(format, &mut source, &options.limits) {
         return check_splats(path, format, source, options);
     }
-    source.rewind()?;
-    let format = detect(&mut source)?;
     // No engine reads a page, and its own viewer reads everything.
     let for_engines = format != Format::Html;
     let mut findings = Findings::default();

@@ -1,7 +1,7 @@
 //! The content of a file: counts, bounds, distributions, origin.
 
 use crate::gltf::{GltfInfo, gltf_info};
-use crate::read::{Content, detect, format_of_splats, read_as, read_splats};
+use crate::read::{Content, FileKind, detect, kind_of, read_as, read_splats};
 use crate::{Format, ReadOptions, Source, html};
 use glam::Vec3;
 use schemars::JsonSchema;
@@ -195,9 +195,13 @@ pub struct BakeInfo {
 /// Errors of reading.
 pub fn info_of_content(path: &Path, options: &ReadOptions) -> Result<(Info, Content)> {
     let mut source = Source::open(path, &options.limits)?;
-    let Some(format) = format_of_splats(&mut source, &options.limits)? else {
-        return info_of_scene(path, source, options)
-            .map(|(info, loaded)| (info, Content::Scene(loaded)));
+    let format = detect(&mut source)?;
+    let format = match kind_of(format, &mut source, &options.limits)? {
+        FileKind::Splats(format) => format,
+        FileKind::Scene(format) => {
+            return info_of_scene(path, format, source, options)
+                .map(|(info, loaded)| (info, Content::Scene(loaded)));
+        }
     };
     let bytes = source.len;
     let loaded = read_splats(format, source, options)?;
@@ -215,10 +219,10 @@ pub fn info_of_content(path: &Path, options: &ReadOptions) -> Result<(Info, Cont
 
 fn info_of_scene(
     path: &Path,
-    mut source: Source,
+    format: Format,
+    source: Source,
     options: &ReadOptions,
 ) -> Result<(Info, ImportedScene)> {
-    let format = detect(&mut source)?;
     let bytes = source.len;
     let (inner, source) = html::inside(format, source)?;
     let is_gltf = matches!(inner, Format::Glb | Format::Gltf);

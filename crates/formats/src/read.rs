@@ -12,14 +12,25 @@ use trisplat_scene::{
     Asset, Error, ImportedScene, ImportedSplats, Limits, Result, Splats, SurroundingsStorage,
 };
 
-/// The format of an open file; otherwise an error that names its first bytes and the accepted
-/// formats.
+/// Content of an open file, and its format.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum FileKind {
+    /// Triangles.
+    Scene(Format),
+    /// Gaussians.
+    Splats(Format),
+}
+
+/// The format of an open file by its first bytes and its name, a checkpoint for every zip archive;
+/// otherwise an error that names its first bytes and the accepted formats.
 pub(super) fn detect(source: &mut Source) -> Result<Format> {
     let head = source.head()?;
     let named = source.named();
-    if let Some(kind) = format::recognise(&head, &named) {
-        let refused = if format::UNREAD.contains(&kind) { format::unread } else { format::refusal };
-        return Err(refused(&source.path, kind));
+    match format::recognise(&head, &named) {
+        Some(format::SPZ) => return Ok(Format::Spz),
+        Some(format::SPLAT) => return Ok(Format::Splat),
+        Some(kind) => return Err(format::unread(&source.path, kind)),
+        None => {}
     }
     if head.starts_with(b"PK")
         && named.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("usdz"))
@@ -51,6 +62,21 @@ pub(super) fn detect(source: &mut Source) -> Result<Format> {
         format!("begins with {}, which no reader recognises", preview(&head))
     };
     Err(Error::unsupported(&source.path, format!("{fault}; give {ACCEPTED}")))
+}
+
+/// Looks into an open file of that format for triangles or Gaussians.
+///
+/// # Errors
+/// A broken header of a PLY; `Io`.
+pub(super) fn kind_of(format: Format, source: &mut Source, limits: &Limits) -> Result<FileKind> {
+    let holds_splats = match format {
+        Format::Splat | Format::Spz | Format::Sog => true,
+        Format::Ply => ply::holds_splats(source)?,
+        Format::Pt if splats::sog::is_sog(source)? => return Ok(FileKind::Splats(Format::Sog)),
+        Format::Glb | Format::Gltf => gltf::holds_splats(source, limits)?,
+        Format::Pt | Format::Off | Format::Obj | Format::Html => false,
+    };
+    Ok(if holds_splats { FileKind::Splats(format) } else { FileKind::Scene(format) })
 }
 
 /// The scene in the file at `path`, in any format that is read; "-" is standard input.
@@ -167,26 +193,21 @@ impl Content {
 /// Errors of the format's reader, or an unknown format.
 pub fn read_content(path: &Path, options: &ReadOptions) -> Result<Content> {
     let mut source = Source::open(path, &options.limits)?;
-    match format_of_splats(&mut source, &options.limits)? {
-        Some(format) => read_splats(format, source, &ReadOptions { sh_degree: 3, ..*options })
-            .map(Content::Splats),
-        None => read_as(detect(&mut source)?, source, options).map(Content::Scene),
-    }
+    let format = detect(&mut source)?;
+    read_content_as(format, source, options)
 }
 
 /// All contents of the file at `path`: as of [`read_content`], then the Gaussians beside the
-/// triangles of a glTF file. Standard input is read once, for one of them.
+/// triangles of a glTF file.
 ///
 /// # Errors
 /// As of [`read_content`].
 pub fn read_contents(path: &Path, options: &ReadOptions) -> Result<Vec<Content>> {
-    let mut contents = vec![read_content(path, options)?];
-    if path.as_os_str() == "-" {
-        return Ok(contents);
-    }
     let mut source = Source::open(path, &options.limits)?;
-    let format = Format::detect(&source.head()?, &source.named());
-    if let Some(format @ (Format::Glb | Format::Gltf)) = format
+    let format = detect(&mut source)?;
+    let mut contents = vec![read_content_as(format, source.again()?, options)?];
+    source.rewind()?;
+    if matches!(format, Format::Glb | Format::Gltf)
         && gltf::holds_splats_beside_mesh(&mut source, &options.limits)?
     {
         let options = ReadOptions { sh_degree: 3, ..*options };
@@ -200,46 +221,32 @@ pub fn read_contents(path: &Path, options: &ReadOptions) -> Result<Vec<Content>>
 /// # Errors
 /// As [`read_bytes`].
 pub fn read_content_bytes(bytes: &[u8], format: Format, options: &ReadOptions) -> Result<Content> {
-    let mut source = source_of_bytes(bytes, &options.limits)?;
-    let holds_splats = match format {
-        Format::Splat | Format::Spz | Format::Sog => true,
-        Format::Ply => ply::holds_splats(&mut source)?,
-        Format::Glb | Format::Gltf => gltf::holds_splats(&mut source, &options.limits)?,
-        Format::Pt | Format::Off | Format::Obj | Format::Html => false,
-    };
-    if holds_splats {
-        let options = ReadOptions { sh_degree: 3, ..*options };
-        return read_splats(format, source, &options).map(Content::Splats);
+    read_content_as(format, source_of_bytes(bytes, &options.limits)?, options)
+}
+
+/// The triangles or Gaussians in an open file of that format.
+fn read_content_as(format: Format, mut source: Source, options: &ReadOptions) -> Result<Content> {
+    match kind_of(format, &mut source, &options.limits)? {
+        FileKind::Scene(format) => read_as(format, source, options).map(Content::Scene),
+        FileKind::Splats(format) => {
+            let options = ReadOptions { sh_degree: 3, ..*options };
+            read_splats(format, source, &options).map(Content::Splats)
+        }
     }
-    read_as(format, source, options).map(Content::Scene)
 }
 
 /// True when the file at `path` holds Gaussians that are read, by its first bytes; false for a file
 /// that cannot be read and for standard input, which is read once.
 pub fn holds_splats(path: &Path, limits: &Limits) -> bool {
-    if path.as_os_str() == "-" {
-        return false;
-    }
-    let format =
-        Source::open(path, limits).and_then(|mut source| format_of_splats(&mut source, limits));
-    format.is_ok_and(|format| format.is_some())
+    path.as_os_str() != "-"
+        && Source::open(path, limits).is_ok_and(|mut source| {
+            detect(&mut source).is_ok_and(|format| is_of_splats(format, &mut source, limits))
+        })
 }
 
-/// The format of an open file when it holds Gaussians that are read.
-pub(super) fn format_of_splats(source: &mut Source, limits: &Limits) -> Result<Option<Format>> {
-    let head = source.head()?;
-    match format::recognise(&head, &source.named()) {
-        Some(format::SPZ) => return Ok(Some(Format::Spz)),
-        Some(format::SPLAT) => return Ok(Some(Format::Splat)),
-        _ => {}
-    }
-    let format = Format::detect(&head, &source.named());
-    Ok(match format {
-        Some(Format::Ply) if ply::holds_splats(source)? => format,
-        Some(Format::Pt) if splats::sog::is_sog(source)? => Some(Format::Sog),
-        Some(Format::Glb | Format::Gltf) if gltf::holds_splats(source, limits)? => format,
-        _ => None,
-    })
+/// True when an open file of that format holds Gaussians; false for a broken one.
+fn is_of_splats(format: Format, source: &mut Source, limits: &Limits) -> bool {
+    matches!(kind_of(format, source, limits), Ok(FileKind::Splats(_)))
 }
 
 /// The Gaussians in an open file of that format, with the cameras in a list beside it.
@@ -321,9 +328,8 @@ pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<Writ
 /// The files that the scene at `path` names, whether they exist or not. A file that cannot be read
 /// names none: its reader reports the fault.
 pub fn named_files(path: &Path, limits: &Limits) -> Vec<PathBuf> {
-    let mut files =
-        Vec::from_iter(splats::cameras::list_path(path).filter(|_| holds_splats(path, limits)));
-    // These formats hold everything themselves; a compressed file would be unpacked to be
+    let cameras = splats::cameras::list_path(path);
+    // These formats hold everything else themselves; a compressed file would be unpacked to be
     // recognised.
     let is_self_contained = |path: &Path| {
         matches!(
@@ -331,19 +337,20 @@ pub fn named_files(path: &Path, limits: &Limits) -> Vec<PathBuf> {
             Some(Format::Ply | Format::Pt | Format::Off | Format::Html)
         )
     };
-    if path.as_os_str() == "-" || is_packed(path) && is_self_contained(&path.with_extension("")) {
-        return files;
+    let names_nothing =
+        cameras.is_none() && is_packed(path) && is_self_contained(&path.with_extension(""));
+    if path.as_os_str() == "-" || names_nothing {
+        return Vec::new();
     }
-    let named = Source::open(path, limits).and_then(|mut source| {
-        let head = source.head()?;
-        match Format::detect(&head, &source.named()) {
-            Some(Format::Glb | Format::Gltf) => gltf::named_files(&mut source, limits),
-            Some(Format::Obj) => obj::named_files(&source, limits),
-            _ => Ok(Vec::new()),
-        }
-    });
-    files.extend(named.unwrap_or_default());
-    files
+    let Ok(mut source) = Source::open(path, limits) else { return Vec::new() };
+    let Ok(format) = detect(&mut source) else { return Vec::new() };
+    let cameras = cameras.filter(|_| is_of_splats(format, &mut source, limits));
+    let parts = match format {
+        Format::Glb | Format::Gltf => gltf::named_files(&mut source, limits),
+        Format::Obj => obj::named_files(&source, limits),
+        _ => Ok(Vec::new()),
+    };
+    cameras.into_iter().chain(parts.unwrap_or_default()).collect()
 }
 
 #[cfg(test)]
