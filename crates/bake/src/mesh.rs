@@ -2,7 +2,7 @@
 
 use super::chunk::by_material;
 use super::crop::{CropOptions, SubjectVolume, crop, faces_within};
-use super::place::up::Evidence;
+use super::place::evidence::Evidence;
 use super::place::{PlaceOptions, place};
 use super::surroundings::take_shell;
 use super::texture::{TextureOptions, texture};

@@ -4,6 +4,7 @@
 //! Runs after `color`, so that it runs once over plain positions, and before `chunk`, whose boxes
 //! must be those of the file.
 
+use evidence::Evidence;
 use glam::{DVec3, Vec3};
 use ground::Foreground;
 use option_values::{KnownLength, UpChoice};
@@ -20,9 +21,12 @@ use trisplat_scene::report::{Outcome, counted};
 use trisplat_scene::{
     Error, Placement, Provenance, Result, UpAxis, UpDirection, frames, parallel, stored_cameras,
 };
-use up::{Confidence, Evidence, UpEstimate};
+use up::{Confidence, UpEstimate};
 
+pub(crate) mod evidence;
+mod flat_surface;
 pub(crate) mod ground;
+mod level_cameras;
 pub(crate) mod option_values;
 pub(crate) mod up;
 

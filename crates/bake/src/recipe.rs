@@ -16,7 +16,7 @@ use super::budget::TriangleBudget;
 use super::crop::CropDetails;
 use super::options::BakeOptions;
 use super::place::PlaceOptions;
-use super::place::up::Evidence;
+use super::place::evidence::Evidence;
 use super::surroundings::Sky;
 use super::tiles::tiles;
 use super::viewpoint::ViewpointDetails;

@@ -6,89 +6,19 @@
 //! with the same mean window 2/((σ+1)(σ+2)), and both triangles of a clone get 1 - sqrt(1 - o),
 //! whose blend is o again.
 
+mod growth;
+mod plan;
+mod prune;
+
+pub use plan::Densified;
+pub(crate) use plan::DensifyPlan;
+
 use super::initial::even_subset;
-use super::options::{DensifyOptions, SampleWeight};
-use super::params::{Anneal, Core, OptimizerState, Params};
-use super::relocate::{Relocation, evict_lowest_contribution};
-use super::stereo::{DepthAnchors, DepthRepair};
+use super::params::OptimizerState;
 use super::visibility::VisibilityStats;
-use glam::Vec3;
-use rayon::prelude::*;
+use growth::{bisect, clone, is_large, sample_growth, split};
+use prune::{prune, relocate, repair};
 use trisplat_scene::Rng;
-use trisplat_scene::math::geometry::centroid;
-use trisplat_scene::parallel::{self, GRAIN};
-
-/// Triangles visible in fewer photos than this are pruned (2, Held et al. 2025, section 3.2).
-const MIN_VIEWS: u32 = 2;
-/// Triangles of a solid scene that fewer photos than this show need one that is near.
-const FIRM_VIEWS: u32 = 6;
-/// Largest distance of the nearest photo that shows such a triangle, in distances of the nearest
-/// camera: a triangle close to a camera that does not show it, and shown by far photos only, fits
-/// some of their pixels and no surface.
-const FARTHEST_VIEW: f32 = 2.5;
-/// Largest shift of a clone, in halves of the triangle's box (1.5, supplement: max_noise_factor).
-const CLONE_SHIFT: f32 = 1.5;
-
-/// Inputs of one densification.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct DensifyPlan<'a> {
-    /// The constants.
-    pub options: &'a DensifyOptions,
-    /// Places of the cameras, in training space.
-    pub eyes: &'a [Vec3],
-    /// Depth anchors, once the scene is solid.
-    pub anchors: Option<&'a DepthAnchors>,
-    /// Never more triangles than this.
-    pub max_triangles: usize,
-    /// The box with its own budget, when only a part of a scene is trained.
-    pub core: Option<Core>,
-    /// Triangles may be added.
-    pub grow: bool,
-    /// Depth anchors may move triangles.
-    pub pull: bool,
-    /// τ_prune of this densification.
-    pub prune_weight: f32,
-    /// Triangles fainter than this are pruned.
-    pub prune_opacity: f64,
-    /// Number of the densification: alternating sampling goes by opacity at odd ones.
-    pub densification: u64,
-    /// Grow by cutting triangles in two where the picture is wrong, which does not change the look
-    /// of a solid scene.
-    pub bisect: bool,
-    /// State of the solid anneal.
-    pub anneal: Anneal,
-    /// The user's seed.
-    pub seed: u64,
-    /// Steps made.
-    pub step: u64,
-}
-
-/// Counts of one densification.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Densified {
-    /// Removed: no longer finite.
-    pub broken: usize,
-    /// Removed: too faint.
-    pub faint: usize,
-    /// Removed: too little weight at every pixel.
-    pub unimportant: usize,
-    /// Removed: visible in too few photos.
-    pub unseen: usize,
-    /// Removed: before a camera, and shown by few photos from far away.
-    pub unsupported: usize,
-    /// Removed: before depth anchors.
-    pub blocking: usize,
-    /// Removed: least summed weight, in a scene at its limit of triangles.
-    pub relocated: usize,
-    /// Added at depth anchors that photos saw through.
-    pub filled: usize,
-    /// Split into four.
-    pub split: usize,
-    /// Cloned.
-    pub cloned: usize,
-    /// Triangles afterwards.
-    pub triangles: usize,
-}
 
 /// Densifies `state` and `visibility` together; complete statistics are reset. The most important
 /// triangle always stays.
@@ -155,203 +85,12 @@ pub(crate) fn densify(
     done
 }
 
-/// Evicts triangles of the lowest contribution; returns their number.
-fn relocate(
-    state: &OptimizerState,
-    visibility: &VisibilityStats,
-    alive: &mut [bool],
-    plan: &DensifyPlan<'_>,
-) -> usize {
-    let relocation = Relocation {
-        share: plan.options.relocate,
-        growth: plan.options.growth,
-        max_triangles: plan.max_triangles,
-        frozen: state.frozen,
-        pinned: state.pinned,
-    };
-    evict_lowest_contribution(alive, visibility, &relocation)
-}
-
-/// Flags the triangles that stay, by the rules in their order. `[N]`
-fn prune(
-    state: &OptimizerState,
-    visibility: &VisibilityStats,
-    complete: bool,
-    plan: &DensifyPlan<'_>,
-    done: &mut Densified,
-) -> Vec<bool> {
-    let params = &state.params;
-    let mut alive = vec![true; params.len()];
-    for (i, alive) in alive.iter_mut().enumerate().skip(state.pinned) {
-        let observed = complete && !visibility.exempt[i];
-        let cause = if !params.is_finite(i) {
-            &mut done.broken
-        } else if f64::from(plan.anneal.opacity(params.opacity[i])) < plan.prune_opacity {
-            &mut done.faint
-        } else if observed && visibility.max_weight[i] < plan.prune_weight {
-            &mut done.unimportant
-        } else if observed && visibility.views[i] < MIN_VIEWS.min(visibility.drawn.len() as u32) {
-            &mut done.unseen
-        } else if observed && plan.bisect && is_unsupported(params, visibility, i, plan.eyes) {
-            &mut done.unsupported
-        } else {
-            continue;
-        };
-        *cause += 1;
-        *alive = false;
-    }
-    if !alive.iter().skip(state.frozen).any(|a| *a) {
-        let finite = (state.frozen..alive.len()).filter(|&i| params.is_finite(i));
-        if let Some(best) =
-            finite.max_by(|&a, &b| visibility.max_weight[a].total_cmp(&visibility.max_weight[b]))
-        {
-            alive[best] = true;
-        }
-    }
-    alive
-}
-
-/// Removes triangles before depth anchors, and moves others towards theirs; returns the anchors
-/// that photos see through, while triangles may be added.
-fn repair(
-    state: &mut OptimizerState,
-    visibility: &VisibilityStats,
-    alive: &mut [bool],
-    plan: &DensifyPlan<'_>,
-    done: &mut Densified,
-) -> Vec<u32> {
-    let Some(anchors) = plan.anchors else { return Vec::new() };
-    let DepthRepair { occludes, holes, shifts } =
-        anchors.repair(state, alive, visibility, plan.eyes, plan.pull);
-    let stays = |i: usize| alive[i] && !occludes[i];
-    if (state.frozen..alive.len()).any(stays) {
-        let removed = |(alive, occludes): &(&mut bool, bool)| **alive && *occludes;
-        for (alive, _) in alive.iter_mut().zip(occludes).filter(removed) {
-            *alive = false;
-            done.blocking += 1;
-        }
-    }
-    for (corners, by) in state.params.vertices.iter_mut().zip(shifts) {
-        *corners = corners.map(|corner| corner + by);
-    }
-    if plan.grow { holes } else { Vec::new() }
-}
-
-/// True for a triangle near a camera that only a few photos show, from much farther away.
-fn is_unsupported(params: &Params, visibility: &VisibilityStats, i: usize, eyes: &[Vec3]) -> bool {
-    let middle = centroid(params.vertices[i]);
-    let near = |eye: &Vec3| middle.distance(*eye) * visibility.nearness[i] * FARTHEST_VIEW < 1.0;
-    visibility.views[i] < FIRM_VIEWS && eyes.iter().any(near)
-}
-
-/// Samples triangles by weight, without replacement, until the growth is spent: a split adds three,
-/// a clone one.
-fn sample_growth(
-    state: &OptimizerState,
-    alive: &[bool],
-    visibility: &VisibilityStats,
-    plan: &DensifyPlan<'_>,
-) -> Vec<bool> {
-    // Frozen triangles do not count against a budget.
-    let count = alive.iter().skip(state.frozen).filter(|a| **a).count();
-    let target = ((count as f64 * (1.0 + plan.options.growth)) as usize).min(plan.max_triangles);
-    let mut budget = target.saturating_sub(count);
-    let in_core = |i: usize| plan.core.is_some_and(|core| core.holds(&state.params, i));
-    let mut core_budget = plan.core.map_or(usize::MAX, |core| {
-        let in_core_count = (state.frozen..alive.len()).filter(|&i| alive[i] && in_core(i)).count();
-        usize::try_from(core.triangles).unwrap_or(usize::MAX).saturating_sub(in_core_count)
-    });
-    let mut grown = vec![false; alive.len()];
-    // Efraimidis and Spirakis 2006: the smallest of -ln(u) / weight is a sample in proportion to
-    // the weights. The purpose's name is part of the random numbers.
-    let rng = Rng::new(plan.seed, "lottery", plan.step);
-    let opacity = |i: usize| f64::from(plan.anneal.opacity(state.params.opacity[i]));
-    let softness = |i: usize| f64::from(plan.anneal.sigma(state.params.sigma[i]));
-    let rule = if plan.bisect { SampleWeight::Error } else { plan.options.sample_by };
-    let weight = |i: usize| match rule {
-        SampleWeight::Alternating if plan.densification % 2 == 1 => opacity(i),
-        SampleWeight::Alternating => 1.0 / softness(i),
-        SampleWeight::Error => visibility.error[i] as f64,
-    };
-    let key = |i: usize| {
-        (i >= state.pinned && alive[i] && weight(i) > 0.0)
-            .then(|| (-(1.0 - rng.uniform_f64(i as u64)).ln() / weight(i), i as u32))
-    };
-    let mut keys: Vec<(f64, u32)> = parallel::filter_map(alive.len(), GRAIN, key);
-    keys.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    for &(_, i) in &keys {
-        // The surroundings of a full core do not grow alone.
-        if budget == 0 || core_budget == 0 {
-            break;
-        }
-        let cost = if is_large(visibility, i as usize, plan) && !plan.bisect { 3 } else { 1 };
-        let core_cost = if in_core(i as usize) { cost } else { 0 };
-        if cost <= budget && core_cost <= core_budget {
-            budget -= cost;
-            core_budget -= core_cost;
-            grown[i as usize] = true;
-        }
-    }
-    grown
-}
-
-fn is_large(visibility: &VisibilityStats, i: usize, plan: &DensifyPlan<'_>) -> bool {
-    f64::from(visibility.radius_px[i]) > plan.options.split_px
-}
-
-/// Triangles with these corners, and the opacity, σ and colour of their parent `i`.
-fn children(params: &Params, i: usize, corners: impl IntoIterator<Item = [Vec3; 3]>) -> Params {
-    let mut children = Params { sh_degree: params.sh_degree, ..Params::default() };
-    for corners in corners {
-        children.push(params, i);
-        children.vertices.pop();
-        children.vertices.push(corners);
-    }
-    children
-}
-
-/// The four triangles of the midpoint subdivision.
-fn split(params: &Params, i: usize) -> Params {
-    let [a, b, c] = params.vertices[i];
-    let ab = a.midpoint(b);
-    let bc = b.midpoint(c);
-    let ca = c.midpoint(a);
-    children(params, i, [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]])
-}
-
-/// The two halves of a triangle, cut from the middle of its longest side.
-fn bisect(params: &Params, i: usize) -> Params {
-    let corners = params.vertices[i];
-    let length = |c: usize| corners[c].distance_squared(corners[(c + 1) % 3]);
-    let from = (1..3).fold(0, |best, c| if length(c) > length(best) { c } else { best });
-    let [a, b, c] = [0, 1, 2].map(|k| corners[(from + k) % 3]);
-    let middle = a.midpoint(b);
-    children(params, i, [[a, middle, c], [middle, b, c]])
-}
-
-/// The triangle and a copy shifted within its plane.
-fn clone(params: &Params, i: usize, plan: &DensifyPlan<'_>, rng: Rng) -> Params {
-    let corners = params.vertices[i];
-    let size =
-        corners[0].max(corners[1]).max(corners[2]) - corners[0].min(corners[1]).min(corners[2]);
-    let at = |axis: u64| rng.uniform(3 * i as u64 + axis) - 0.5;
-    let noise = Vec3::new(at(0), at(1), at(2)) * size * CLONE_SHIFT;
-    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
-    let shift = noise - normal * normal.dot(noise);
-    let mut children =
-        children(params, i, [Vec3::ZERO, shift].map(|offset| corners.map(|v| v + offset)));
-    let opacity = plan.anneal.opacity(params.opacity[i]).min(1.0);
-    let half = 1.0 - (1.0 - opacity).sqrt();
-    if let Some(raw) = plan.anneal.opacity_raw(half) {
-        children.opacity.fill(raw);
-    }
-    children
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::params::logit;
+    use crate::options::{DensifyOptions, SampleWeight};
+    use crate::params::{Anneal, Core, Params, logit};
+    use glam::Vec3;
     use trisplat_scene::Soup;
 
     fn state(n: usize) -> OptimizerState {

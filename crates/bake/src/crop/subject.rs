@@ -6,8 +6,9 @@
 //! out, except the support within a hand's breadth, cut along a polygon.
 
 use super::volume::{BallFrame, GroundTriangle, Outline, REACH, SubjectVolume, Support};
+use crate::place::evidence::Evidence;
 use crate::place::ground::Foreground;
-use crate::place::up::{Confidence, Evidence, estimate, wall_normal};
+use crate::place::up::{Confidence, estimate, wall_normal};
 use glam::{DVec3, IVec3, Vec2, Vec3};
 use std::collections::HashMap;
 use trisplat_raster::framing::Subject;

@@ -1,37 +1,18 @@
 //! The up direction, from the rows of the photos, which people hold level, and the largest level
 //! surface.
 
-use super::ground::{self, Foreground, SurfaceSample};
-use glam::{DMat3, DVec3, Vec3};
+use super::evidence::Evidence;
+use super::flat_surface::largest_surface;
+use super::ground::Foreground;
+use super::level_cameras::from_cameras;
+use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::Rng;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::math::geometry::symmetric_eigen;
-use trisplat_scene::math::lists::median;
 
-/// Number of directions tried before the best is refined.
-const TRIES: u64 = 512;
-/// Larger tilts of a row (sine) count as this one, because some pictures are taken upright.
-const MAX_TILT: f64 = 0.34;
-/// Passes of the refinement.
-const PASSES: usize = 12;
-/// Minimum variance of the photos' rows along the second of their three main directions: with less,
-/// all rows are parallel, and up is any direction across them.
-const MIN_SPREAD: f64 = 1e-3;
-/// Maximum ratio of their standard deviations, least to second (tangent of 15°); above it up is
-/// open too.
-const MAX_TILT_PER_SPREAD: f64 = 0.27;
 /// Above this median tilt, degrees, cameras were held at random.
 const RANDOM_TILT: f64 = 20.0;
 /// Below this median tilt, degrees, cameras alone are trusted.
 const STEADY_TILT: f64 = 8.0;
-/// Rows are more level than columns, or the reverse, where their tilt is smaller by this factor.
-const CLEARLY_LEVEL: f64 = 1.5;
-/// Mean sine of the angle by which cameras look down, above which their photos' side is known.
-const MIN_DOWN: f64 = 0.1;
-/// Directions of a larger cosine (20°) are one.
-const MAX_SAME: f64 = 0.94;
 /// Smallest angle to the up axis, degrees, at which a floor is called tilted.
 const MIN_FLOOR_TILT: f64 = 3.0;
 /// Largest angle between a level surface and the cameras' estimate, degrees.
@@ -40,18 +21,6 @@ const WIDEST_CONE: f64 = 20.0;
 const NARROWEST_CONE: f64 = 5.0;
 /// Largest angle between a wall and the cameras that look at it, degrees.
 const WIDEST_VIEW: f64 = 60.0;
-/// Thickness of a surface as a share of the distance of the cameras.
-const THICKNESS: f64 = 0.01;
-/// Minimum share of the points around the middle of the scene that lie on a clear surface.
-const MIN_SHARE_OF_POINTS: f64 = 0.05;
-/// Minimum share of the triangles' area there that lies on a clear surface: triangles scatter about
-/// their surfaces, so every slice contains some.
-const MIN_SHARE_OF_AREA: f64 = 0.15;
-/// Minimum standard deviation of a clear surface along its narrow side, as a share of the distance
-/// of the cameras.
-const MIN_WIDTH: f64 = 0.05;
-/// Number of samples that compare surfaces.
-const MAX_COMPARED_SAMPLES: usize = 4000;
 
 /// Reliability of an estimate of the up axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -95,18 +64,6 @@ pub struct LevelSurface {
     pub degrees: f64,
 }
 
-/// Known facts about a scene, apart from its triangles, in its frame.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Evidence<'a> {
-    /// Cameras that look at it.
-    pub cameras: &'a [Camera],
-    /// Points of the photos' reconstruction; may be empty.
-    pub points: &'a [Vec3],
-    /// The cameras were chosen for drawings, by the up axis that the scene was taken to have: they
-    /// tell nothing of it.
-    pub are_chosen: bool,
-}
-
 /// Estimates the up axis of a scene from the cameras that look at it; `None` without cameras.
 ///
 /// People hold cameras level, so up is at right angles to the rows of the photos: the direction in
@@ -120,7 +77,7 @@ pub(crate) fn estimate(scene: Foreground, evidence: Evidence) -> Option<UpEstima
         (4.0 * by_cameras.tilt).clamp(NARROWEST_CONE, WIDEST_CONE)
     };
     let surface = if by_cameras.tilt < RANDOM_TILT {
-        surface(scene, evidence, by_cameras.up, cone)
+        largest_surface(scene, evidence, by_cameras.up, cone)
     } else {
         None
     };
@@ -154,106 +111,8 @@ pub(crate) fn estimate(scene: Foreground, evidence: Evidence) -> Option<UpEstima
 /// The normal of the largest nearly level surface of a scene whose `up` nothing tells, if it is
 /// tilted to that.
 pub(crate) fn tilted_floor(scene: Foreground, up: DVec3) -> Option<DVec3> {
-    let floor = surface(scene, Evidence::default(), up, WIDEST_CONE)?;
+    let floor = largest_surface(scene, Evidence::default(), up, WIDEST_CONE)?;
     (floor.normal.angle_between(up).to_degrees() > MIN_FLOOR_TILT).then_some(floor.normal)
-}
-
-/// The up axis estimated from cameras alone.
-struct CameraUp {
-    up: DVec3,
-    /// Median angle between rows and the horizontal, degrees.
-    tilt: f64,
-    /// True when rows agree with more than one direction, for example when all look the same way.
-    is_open: bool,
-    /// The direction by the other of rows and columns, if it is nearly as level.
-    other: Option<DVec3>,
-}
-
-/// From the rows of the photos, or from their columns where these are level: photos of a phone that
-/// are stored on their side.
-fn from_cameras(cameras: &[Camera]) -> Option<CameraUp> {
-    let by_rows = from_level_lines(cameras, 0)?;
-    let by_columns = from_level_lines(cameras, 1).filter(|columns| !columns.is_open);
-    let Some(by_columns) = by_columns else { return Some(by_rows) };
-    let factor = if by_rows.is_open { 1.0 } else { CLEARLY_LEVEL };
-    if factor * by_columns.tilt < by_rows.tilt {
-        // Photos on their side were turned either way: only cameras that look down tell which.
-        let ahead = cameras.iter().map(|camera| camera.rotation.row(2).as_dvec3());
-        let down = -ahead.map(|ahead| ahead.dot(by_columns.up)).sum::<f64>();
-        let is_unsure = down < MIN_DOWN * cameras.len() as f64;
-        return Some(CameraUp { other: is_unsure.then_some(-by_columns.up), ..by_columns });
-    }
-    let is_doubtful = !by_rows.is_open
-        && by_columns.tilt < CLEARLY_LEVEL * by_rows.tilt
-        && by_columns.up.dot(by_rows.up).abs() < MAX_SAME;
-    Some(CameraUp { other: is_doubtful.then_some(by_columns.up), ..by_rows })
-}
-
-/// From the rows (`axis` 0) or columns (1) of photos, which are taken to be level.
-fn from_level_lines(cameras: &[Camera], axis: usize) -> Option<CameraUp> {
-    // Rows of the rotation: right, down and ahead of each camera.
-    let row = |i: usize| cameras.iter().map(move |c| c.rotation.row(i).as_dvec3());
-    let lines: Vec<DVec3> = row(axis).collect();
-    let mean_up = -row(1 - axis).sum::<DVec3>().normalize_or_zero();
-    if lines.is_empty() {
-        return None;
-    }
-    let (mut up, mut spread) = first_guess(&lines, mean_up);
-    for _ in 0..PASSES {
-        let tilts: Vec<f64> = lines.iter().map(|r| r.dot(up).abs()).collect();
-        let scale = (1.5 * median(tilts.clone(), f64::total_cmp).unwrap_or(0.0)).max(1e-4);
-        // Cauchy's weights: a picture taken with the camera on its side hardly counts.
-        let weight = |tilt: &f64| 1.0 / (1.0 + (tilt / scale) * (tilt / scale));
-        spread =
-            symmetric_eigen(scatter_matrix(lines.iter().copied().zip(tilts.iter().map(weight))));
-        up = spread[0].1;
-    }
-    let [least, middle, _] = spread.map(|(value, _)| value.max(0.0));
-    let is_open = middle < MIN_SPREAD || least > MAX_TILT_PER_SPREAD * MAX_TILT_PER_SPREAD * middle;
-    if is_open {
-        // Of the directions at right angles to the rows, the one nearest to the columns.
-        up = mean_up.reject_from_normalized(spread[2].1).normalize_or(up);
-    }
-    // Cameras that look straight down have their columns level, and the ground below them.
-    let columns = -row(1).map(|down| down.dot(up)).sum::<f64>();
-    let away = -row(2).map(|ahead| ahead.dot(up)).sum::<f64>();
-    // A photo on its side was turned either way.
-    let sign = if axis == 0 && columns.abs() > 0.1 * lines.len() as f64 { columns } else { away };
-    let up = if sign < 0.0 { -up } else { up };
-    let tilt = |r: &DVec3| libm::asin(r.dot(up).clamp(-1.0, 1.0)).abs().to_degrees();
-    let tilt = median(lines.iter().map(tilt).collect(), f64::total_cmp)?;
-    Some(CameraUp { up, tilt, is_open, other: None })
-}
-
-/// The direction with the least sum of limited tilts, and the spread of the rows.
-fn first_guess(lines: &[DVec3], mean_up: DVec3) -> (DVec3, [(f64, DVec3); 3]) {
-    let spread = symmetric_eigen(scatter_matrix(lines.iter().map(|r| (*r, 1.0))));
-    let rng = Rng::new(0, "up axis", 0);
-    let normal_to_pair = |i: u64| {
-        let one = |k: u64| lines[(rng.bits(2 * i + k) % lines.len() as u64) as usize];
-        let across = one(0).cross(one(1));
-        (across.length() > 0.1).then(|| across.normalize())
-    };
-    let guesses = [Some(spread[0].1), (mean_up != DVec3::ZERO).then_some(mean_up)];
-    let tilt = |up: &DVec3| lines.iter().map(|r| r.dot(*up).abs().min(MAX_TILT)).sum::<f64>();
-    let best = guesses
-        .into_iter()
-        .chain((0..TRIES).map(normal_to_pair))
-        .flatten()
-        .map(|up| (tilt(&up), up));
-    let best = best.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(spread[0].1, |(_, up)| up);
-    (best, spread)
-}
-
-/// The weighted mean of v vᵀ.
-fn scatter_matrix(vectors: impl Iterator<Item = (DVec3, f64)>) -> DMat3 {
-    let mut sum = DMat3::ZERO;
-    let mut weights = 0.0;
-    for (v, weight) in vectors {
-        sum += DMat3::from_cols(v * v.x, v * v.y, v * v.z) * weight;
-        weights += weight;
-    }
-    sum * (1.0 / f64::max(weights, 1e-300))
 }
 
 /// The normal of the largest flat surface, such as a wall, that faces the direction `to_cameras`;
@@ -263,96 +122,15 @@ pub(crate) fn wall_normal(
     evidence: Evidence,
     to_cameras: DVec3,
 ) -> Option<DVec3> {
-    surface(scene, evidence, to_cameras, WIDEST_VIEW).map(|wall| wall.normal)
-}
-
-/// A flat surface.
-struct EstimatedSurface {
-    /// Points up; a unit vector.
-    normal: DVec3,
-    /// Share of all samples by weight.
-    share: f64,
-}
-
-/// The largest flat surface whose normal is within `cone` degrees of `up`, when there is a clear
-/// one.
-fn surface(
-    scene: Foreground,
-    evidence: Evidence,
-    up: DVec3,
-    cone: f64,
-) -> Option<EstimatedSurface> {
-    let region = ground::region(scene, evidence.cameras)?;
-    let (samples, clear_share) = if evidence.points.is_empty() {
-        (ground::faces(scene, &region), MIN_SHARE_OF_AREA)
-    } else {
-        (ground::points(evidence.points, &region), MIN_SHARE_OF_POINTS)
-    };
-    let min_cosine = libm::cos(cone.to_radians());
-    let thickness = THICKNESS * region.radius;
-    let near = |s: &SurfaceSample, point: DVec3, normal: DVec3| {
-        (s.position - point).dot(normal).abs() < thickness
-    };
-    let sampled: Vec<SurfaceSample> = samples
-        .iter()
-        .step_by(samples.len().div_ceil(MAX_COMPARED_SAMPLES).max(1))
-        .copied()
-        .collect();
-    let supported = |(point, normal): (DVec3, DVec3)| {
-        sampled.iter().filter(|s| near(s, point, normal)).map(|s| s.weight).sum::<f64>()
-    };
-    let planes = planes(&sampled).filter(|(_, normal)| normal.dot(up).abs() > min_cosine);
-    let best = planes.map(|plane| (supported(plane), plane)).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let (mut point, mut normal) = best.1;
-    let mut width = 0.0;
-    let mut support = 0.0;
-    for _ in 0..PASSES {
-        let on_plane: Vec<&SurfaceSample> =
-            samples.iter().filter(|s| near(s, point, normal)).collect();
-        support = on_plane.iter().map(|s| s.weight).sum::<f64>();
-        if support <= 0.0 {
-            return None;
-        }
-        point = on_plane.iter().map(|s| s.position * s.weight).sum::<DVec3>() / support;
-        let [thin, narrow, _] = symmetric_eigen(scatter_matrix(
-            on_plane.iter().map(|s| (s.position - point, s.weight)),
-        ));
-        normal = thin.1;
-        width = narrow.0.max(0.0).sqrt();
-    }
-    let normal = if normal.dot(up) < 0.0 { -normal } else { normal };
-    let share = support / samples.iter().map(|s| s.weight).sum::<f64>();
-    let clear =
-        share >= clear_share && width >= MIN_WIDTH * region.radius && normal.dot(up) > min_cosine;
-    clear.then_some(EstimatedSurface { normal, share })
-}
-
-/// Planes through three of the samples, chosen by weight: a point and a unit normal each.
-fn planes(samples: &[SurfaceSample]) -> impl Iterator<Item = (DVec3, DVec3)> {
-    let mut sum = 0.0;
-    let sums: Vec<f64> = samples
-        .iter()
-        .map(|s| {
-            sum += s.weight;
-            sum
-        })
-        .collect();
-    let rng = Rng::new(0, "level surface", 0);
-    let tries = if samples.len() < 3 { 0 } else { 4 * TRIES };
-    (0..tries).filter_map(move |i| {
-        let [a, b, c] = [0, 1, 2].map(|k| {
-            let at = sums.partition_point(|s| *s <= rng.uniform_f64(3 * i + k) * sum);
-            samples[at.min(samples.len() - 1)].position
-        });
-        let normal = (b - a).cross(c - a).try_normalize()?;
-        Some((a, normal))
-    })
+    largest_surface(scene, evidence, to_cameras, WIDEST_VIEW).map(|wall| wall.normal)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{Mat3, UVec2, Vec2};
+    use glam::{Mat3, UVec2, Vec2, Vec3};
+    use trisplat_scene::Rng;
+    use trisplat_scene::camera::Camera;
     use trisplat_scene::mesh::{Colors, Mesh};
 
     const CAMERA: Camera = Camera {

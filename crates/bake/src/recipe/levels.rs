@@ -5,7 +5,7 @@ use super::values::{LevelContext, SceneCameras};
 use crate::chunk::ChunkOptions;
 use crate::lod::{FinishedLevel, LevelSource, LodOptions, lod};
 use crate::options::BakeOptions;
-use crate::place::up::Evidence;
+use crate::place::evidence::Evidence;
 use crate::views::Views;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Counts, Report, StageProgress};

@@ -5,7 +5,7 @@ use super::values::{FileFrame, NormalSources};
 use crate::chunk::chunk;
 use crate::lit::lit;
 use crate::order::order;
-use crate::place::up::Evidence;
+use crate::place::evidence::Evidence;
 use crate::place::{place, placement_of};
 use crate::viewpoint::{ViewpointDetails, viewpoint};
 use crate::weld::weld;

@@ -81,6 +81,17 @@ pub fn octasphere(subdivisions: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
 /// Sweeps over the three off-diagonal elements; each squares the error, so five suffice for f64.
 const SWEEPS: usize = 12;
 
+/// The weighted mean of v vᵀ.
+pub fn scatter_matrix(vectors: impl Iterator<Item = (DVec3, f64)>) -> DMat3 {
+    let mut sum = DMat3::ZERO;
+    let mut weights = 0.0;
+    for (v, weight) in vectors {
+        sum += DMat3::from_cols(v * v.x, v * v.y, v * v.z) * weight;
+        weights += weight;
+    }
+    sum * (1.0 / f64::max(weights, 1e-300))
+}
+
 /// Eigenvalues, smallest first, and their orthonormal eigenvectors, by Jacobi's rotations. The
 /// signs of the vectors are arbitrary.
 pub fn symmetric_eigen(matrix: DMat3) -> [(f64, DVec3); 3] {

@@ -1,6 +1,9 @@
 //! The stages that use photos: `unseen`, `backdrop` and `refit`. The photos are drawn from a scene
 //! with known colours.
 
+mod recolouring;
+mod visibility;
+
 use super::hostile::random_triangle;
 use glam::{UVec2, Vec2, Vec3};
 use std::fmt::Write;
@@ -145,68 +148,6 @@ pub(super) fn views(dataset: &Dataset) -> Views {
     Views::new(dataset, &DatasetOptions::default())
 }
 
-#[test]
-fn unseen_drops_triangles_behind_masks_only() {
-    const THING: u32 = 60;
-    let mesh = scene();
-    let (folder, _) = photograph(&mesh, |_, photo| photo);
-    let masks = folder.path().join("masks");
-    std::fs::create_dir(&masks).unwrap();
-    let one_sample = SolidRasterOptions { samples: 1, ..SolidRasterOptions::default() };
-    for view in 0..VIEWS {
-        let mut solid = SolidRasterizer::new();
-        let seen = solid.visibility(&mesh, &camera(view), &one_sample);
-        let rgb = seen.face.iter().map(|&face| [if face < THING { 255 } else { 0 }; 3]).collect();
-        let mask = RgbImage { size: seen.size, rgb, alpha: None };
-        mask.save_png(masks.join(format!("{view:02}.png"))).unwrap();
-    }
-    let dataset = load(folder.path());
-    let cameras: Vec<Camera> = (0..VIEWS).map(camera).collect();
-    let drop = |options: &UnseenOptions, masks| {
-        let mut kept = mesh.clone();
-        let mut details = UnseenDetails::default();
-        let how = DatasetOptions { masks, test_every: 0, ..DatasetOptions::default() };
-        let mut views = Views::new(&Dataset::load(folder.path(), &how).unwrap(), &how);
-        let mut nobody = |_: StageEvent<'_>| Continue(());
-        let progress = &mut StageProgress::new(&mut nobody);
-        details.masked = unseen::masked(&mut kept, Some(&mut views), options, progress).unwrap();
-        unseen(&mut kept, &cameras, Some(&mut views), options, None, &mut details).unwrap();
-        (kept, details.masked)
-    };
-    let (kept, masked) = drop(&UnseenOptions::default(), Masks::Ignore);
-    let is_thing = |face: usize| {
-        let corners = kept.corners(face);
-        (0..THING as usize).any(|of| mesh.corners(of) == corners)
-    };
-    let things = (0..kept.face_count()).filter(|face| is_thing(*face)).count();
-    assert_eq!(
-        things, THING as usize,
-        "a part of the thing is gone, though some show in half a pixel only"
-    );
-    // And a few of the rest, which show in pixels of its outline.
-    let others = kept.face_count() - things;
-    assert!(others <= 5, "{others} of the rest are left");
-    assert_eq!(masked, Some((mesh.face_count() - kept.face_count()) as u64));
-
-    // There is nothing behind a thing that was masked, unless one asks for it.
-    let behind = |when| {
-        let mut with = kept.clone();
-        let mut details = BackdropDetails::default();
-        let options = BackdropOptions { backdrop: when };
-        backdrop(&mut with, Some(&mut views(&dataset)), &options, None, &mut details).unwrap();
-        with.face_count() - kept.face_count()
-    };
-    assert_eq!(behind(BackdropWhen::Auto), 0);
-    assert!(behind(BackdropWhen::Sphere) > 0);
-
-    // Masks that cut drop what lies mostly beside the thing; those that are not read drop nothing;
-    // and who keeps what is unseen keeps this.
-    assert!(drop(&UnseenOptions::default(), Masks::Cut).1 >= masked);
-    assert_eq!(drop(&UnseenOptions::default(), Masks::Off).1, None);
-    let keep = UnseenOptions { keep_unseen: true, ..UnseenOptions::default() };
-    assert_eq!(drop(&keep, Masks::Ignore).0.face_count(), mesh.face_count());
-}
-
 /// Root of the mean squared difference of the pictures that two meshes give, codes.
 fn difference(a: &Mesh, b: &Mesh) -> f64 {
     let options = SolidRasterOptions { samples: 4, ..SolidRasterOptions::default() };
@@ -233,142 +174,6 @@ fn fitted(dataset: &Dataset, start: &Mesh, options: &RefitOptions) -> (Mesh, Ref
     (mesh, details)
 }
 
-#[test]
-fn refit_finds_the_colours_the_photos_were_drawn_with() {
-    let truth = scene();
-    let (_folder, dataset) = photograph(&truth, |_, photo| photo);
-    let many = RefitOptions { refit_passes: 10, refit_flatness: 0.1, ..RefitOptions::DEFAULT };
-    let (mesh, details) = fitted(&dataset, &grey(&truth), &many);
-    assert_eq!(details.colors, Some(RefitColors::Corner));
-    let error = difference(&mesh, &truth);
-    assert!(error < 1.5, "{error} codes with corners");
-    let (flat, _) =
-        fitted(&dataset, &grey(&truth), &RefitOptions { refit: RefitColors::Flat, ..many });
-    assert!(matches!(flat.colors, Colors::Face(_)));
-    assert!(difference(&flat, &truth) < 0.7 * difference(&grey(&truth), &truth));
-}
-
-#[test]
-fn more_passes_come_closer() {
-    let truth = scene();
-    let (_folder, dataset) = photograph(&truth, |_, photo| photo);
-    let errors: Vec<f64> = [1, 2, 3, 5]
-        .map(|refit_passes| {
-            let options =
-                RefitOptions { refit_passes, refit_flatness: 0.1, ..RefitOptions::DEFAULT };
-            difference(&fitted(&dataset, &grey(&truth), &options).0, &truth)
-        })
-        .to_vec();
-    assert!(errors.windows(2).all(|e| e[1] < e[0]), "{errors:?}");
-}
-
-#[test]
-fn colours_that_are_right_stay() {
-    let truth = scene();
-    let flat = Mesh {
-        colors: Colors::Face((0..100).map(|i| truth.corner_colors(i)[0]).collect()),
-        ..truth
-    };
-    // Sampled as the stage samples, so that they are right to the last code.
-    let (_folder, dataset) = photograph_at(&flat, 2, |_, photo| photo);
-    let mut mesh = flat.clone();
-    let mut details = RefitDetails::default();
-    refit(&mut mesh, Some(&mut views(&dataset)), &RefitOptions::DEFAULT, &mut details).unwrap();
-    assert!(difference(&mesh, &flat) < 0.5, "{details:?}");
-}
-
-/// A truth of one colour per triangle, none of them dark, and the same with the blue of four faces
-/// at 0.
-fn without_blue() -> (Mesh, Mesh) {
-    let truth = scene();
-    let color = |face: usize| match face % 25 {
-        0 => [0.3, 0.4, 0.45],
-        _ => truth.corner_colors(face)[0].map(|c| 0.2 + 0.7 * c),
-    };
-    let colors: Vec<[f32; 3]> = (0..truth.face_count()).map(color).collect();
-    let mut dead = colors.clone();
-    dead.iter_mut().step_by(25).for_each(|color| color[2] = 0.0);
-    let with = |colors| Mesh { colors: Colors::Face(colors), ..truth.clone() };
-    (with(colors), with(dead))
-}
-
-/// Faces whose blue is 0 in `start` and the photos' in `mesh`.
-fn blue_again(start: &Mesh, mesh: &Mesh) -> usize {
-    let blue = |mesh: &Mesh, face: usize| mesh.corner_colors(face)[0][2];
-    let is_back =
-        |face: &usize| blue(start, *face) == 0.0 && (blue(mesh, *face) - 0.45).abs() < 0.12;
-    (0..mesh.face_count()).filter(is_back).count()
-}
-
-#[test]
-fn refit_fills_a_channel_at_zero_in_one_pass() {
-    let (truth, dead) = without_blue();
-    let (_folder, dataset) = photograph(&truth, |_, photo| photo);
-    let options = RefitOptions { refit: RefitColors::Flat, ..RefitOptions::DEFAULT };
-    let (mesh, _) = fitted(&dataset, &dead, &options);
-    let back = blue_again(&dead, &mesh);
-    assert!(back >= 3, "{back} of 4");
-}
-
-#[test]
-fn refit_restores_a_channel_at_zero() {
-    let (truth, dead) = without_blue();
-    // Photos that are not held out lack red and green, so that the scene's own colours are better.
-    let bluish = |view: usize, mut photo: RgbImage| {
-        for rgb in photo.rgb.iter_mut().filter(|_| view % 8 != 4) {
-            *rgb = [rgb[0].saturating_sub(60), rgb[1].saturating_sub(60), rgb[2]];
-        }
-        photo
-    };
-    let (_folder, dataset) = photograph(&truth, bluish);
-    let mut mesh = dead.clone();
-    let mut details = RefitDetails::default();
-    let outcome =
-        refit(&mut mesh, Some(&mut views(&dataset)), &RefitOptions::DEFAULT, &mut details).unwrap();
-    assert_eq!((details.colors, outcome), (None, Outcome::Changed(())), "{details:?}");
-    let back = blue_again(&dead, &mesh);
-    assert!(back >= 3 && details.revived >= Some(3), "{back} of 4, {details:?}");
-    for face in 0..mesh.face_count() {
-        let [before, after] = [&dead, &mesh].map(|mesh| mesh.corner_colors(face)[0]);
-        let kept = if before[2] == 0.0 { 2 } else { 3 };
-        assert_eq!(after[..kept], before[..kept], "face {face}");
-    }
-}
-
-#[test]
-fn a_photo_of_another_exposure_is_left_out() {
-    let truth = scene();
-    let brighten = |view: usize, mut photo: RgbImage| {
-        if view == 5 {
-            photo.rgb.iter_mut().flatten().for_each(|c| *c = c.saturating_mul(2));
-        }
-        photo
-    };
-    let (_folder, dataset) = photograph(&truth, brighten);
-    let options = RefitOptions { refit_passes: 4, refit_flatness: 0.1, ..RefitOptions::DEFAULT };
-    let (mesh, details) = fitted(&dataset, &grey(&truth), &options);
-    assert_eq!(details.photos_out_of_line, Some(1));
-    let error = difference(&mesh, &truth);
-    assert!(error < 3.0, "{error}");
-}
-
-#[test]
-fn a_placed_scene_matches_the_same_photos() {
-    let truth = scene();
-    let (_folder, dataset) = photograph(&truth, |_, photo| photo);
-    let placement =
-        Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 2.5, center: [0.5, -1.0, 3.0] };
-    let mut placed = grey(&truth);
-    placed.positions.iter_mut().for_each(|v| *v = placement.to_file(*v));
-    let mut views = views(&dataset);
-    views.transform(&placement);
-    refit(&mut placed, Some(&mut views), &RefitOptions::DEFAULT, &mut RefitDetails::default())
-        .unwrap();
-    let here = fitted(&dataset, &grey(&truth), &RefitOptions::DEFAULT).0;
-    placed.positions = truth.positions.clone();
-    assert!(difference(&placed, &here) < 0.5);
-}
-
 /// The stage with all photos of a data set.
 fn cull(
     mesh: &mut Mesh,
@@ -380,49 +185,6 @@ fn cull(
     let mut views = views(dataset);
     let cameras = views.cameras().to_vec();
     unseen(mesh, &cameras, Some(&mut views), options, most, details)
-}
-
-#[test]
-fn hidden_triangles_are_dropped_and_pictures_stay_the_same() {
-    let mut mesh = scene();
-    let core = mesh.face_count();
-    mesh.positions.extend(room(1.35));
-    mesh.colors = Colors::Face((0..mesh.face_count()).map(|f| [f as f32 / 200.0; 3]).collect());
-    let (_folder, dataset) = photograph(&mesh, |_, photo| photo);
-    let mut left = mesh.clone();
-    let mut details = UnseenDetails::default();
-    cull(&mut left, &dataset, &UnseenOptions::DEFAULT, None, &mut details).unwrap();
-    assert!(
-        (8..20).contains(&left.face_count()),
-        "{} of {core}: the sides of the box",
-        left.face_count()
-    );
-    assert!(difference(&left, &mesh) < 1.0);
-    let again = cull(&mut left, &dataset, &UnseenOptions::DEFAULT, None, &mut details);
-    assert!(matches!(again, Ok(Outcome::Skipped(_))));
-
-    let keep = UnseenOptions { keep_unseen: true, ..UnseenOptions::DEFAULT };
-    let mut all = mesh.clone();
-    assert!(matches!(
-        cull(&mut all, &dataset, &keep, None, &mut UnseenDetails::default()),
-        Ok(Outcome::Skipped(_))
-    ));
-    cull(&mut all, &dataset, &keep, Some(20), &mut UnseenDetails::default()).unwrap();
-    assert_eq!(all.face_count(), 20);
-}
-
-#[test]
-fn triangles_outside_every_picture_are_kept() {
-    let mut mesh = scene();
-    let (_folder, dataset) = photograph(&mesh, |_, photo| photo);
-    let far = [Vec3::new(0.0, 1e4, 0.0), Vec3::new(1.0, 1e4, 0.0), Vec3::new(0.0, 1e4, 1.0)];
-    mesh.positions.extend(far);
-    mesh.colors = Colors::Face(vec![[0.2; 3]; mesh.face_count()]);
-    let mut details = UnseenDetails::default();
-    let outcome = cull(&mut mesh, &dataset, &UnseenOptions::DEFAULT, None, &mut details);
-    assert!(outcome.is_ok() && details.seen_by_none >= Some(1));
-    assert_eq!(details.outside, Some(1));
-    assert!((0..mesh.face_count()).any(|face| mesh.corners(face) == far));
 }
 
 /// A closed box around the origin, two triangles per side.
@@ -533,49 +295,6 @@ fn backdrop_stays_separate_through_another_bake() {
         file.scene.triangle_count()
     };
     assert_eq!((faces("a.glb"), faces("a.backdrop.glb")), (scene, 128));
-}
-
-#[test]
-fn cameras_of_the_file_drop_what_photos_would() {
-    let mut mesh = scene();
-    mesh.positions.extend(room(1.35));
-    mesh.colors = Colors::Face((0..mesh.face_count()).map(|f| [f as f32 / 200.0; 3]).collect());
-    let (_folder, dataset) = photograph(&mesh, |_, photo| photo);
-    let cameras: Vec<_> = dataset.train().map(|v| v.camera).collect();
-    let options = UnseenOptions::DEFAULT;
-    for most in [None, Some(9)] {
-        let mut by_photos = mesh.clone();
-        let mut by_cameras = mesh.clone();
-        cull(&mut by_photos, &dataset, &options, most, &mut UnseenDetails::default()).unwrap();
-        let alone =
-            unseen(&mut by_cameras, &cameras, None, &options, most, &mut UnseenDetails::default())
-                .unwrap();
-        assert_eq!(alone, Outcome::Changed(()));
-        assert_eq!(by_photos, by_cameras);
-    }
-    let away = Camera { translation: Vec3::Z * -1e6, ..cameras[0] };
-    let mut left = mesh.clone();
-    let nothing =
-        unseen(&mut left, &[away], None, &options, None, &mut UnseenDetails::default()).unwrap();
-    assert!(matches!(nothing, Outcome::Skipped(_)), "cameras that see nothing drop nothing");
-    unseen(&mut left, &[away], None, &options, Some(9), &mut UnseenDetails::default()).unwrap();
-    assert_eq!(left.face_count(), 9, "the largest");
-}
-
-#[test]
-fn a_greater_error_allows_fewer_triangles() {
-    let mesh = scene();
-    let (_folder, dataset) = photograph(&mesh, |_, photo| photo);
-    let left: Vec<usize> = [0.0, 3.0, 40.0]
-        .map(|db| {
-            let mut mesh = mesh.clone();
-            let mut details = UnseenDetails::default();
-            let options = UnseenOptions { max_error: Some(db), ..UnseenOptions::DEFAULT };
-            cull(&mut mesh, &dataset, &options, None, &mut details).unwrap();
-            mesh.face_count()
-        })
-        .to_vec();
-    assert!(left[0] > left[1] && left[1] > left[2], "{left:?}");
 }
 
 #[test]
