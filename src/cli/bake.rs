@@ -90,7 +90,7 @@ fn say(report: &Report, progress: &Progress) {
     progress.wrote(report);
 }
 
-/// What view-dependent colours gained, if the files have some.
+/// The gain of view-dependent colours, if the files have some.
 pub(super) fn shine_note(report: &Report) -> Option<String> {
     let gain = report.details::<ShDetails>()?.gain()?;
     Some(format!(

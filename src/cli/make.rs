@@ -174,7 +174,7 @@ fn say(done: &MakeDone, args: &MakeArgs, work: &str, progress: &Progress) {
         progress.line(&format!("stopped; the same command goes on from {work}"));
         return;
     }
-    // What a viewer that frames the whole file should open goes first.
+    // First the file for viewers that frame a whole file.
     let mut files: Vec<&OutputReport> = done.report.outputs.iter().collect();
     files.sort_by_key(|file| Some(Path::new(&file.path)) != done.subject.as_deref());
     for file in files {

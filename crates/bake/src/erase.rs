@@ -175,7 +175,7 @@ impl EraseList {
                 let has = |p: &Vec3| triangle.iter().any(|q| p.distance(*q) <= SAME * size);
                 mesh.corners(**face).iter().all(has)
             };
-            // Where the triangle is still there, what lies over it stays.
+            // Layers over a remaining triangle stay.
             let has_same = near.iter().any(|face| is_same(&face));
             for face in near.iter().filter(|face| !has_same || is_same(face)) {
                 erased[*face] = true;

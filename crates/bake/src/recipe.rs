@@ -24,7 +24,7 @@ use super::views::Views;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Counts, Outcome, Report, StageDetails, StageObserver, StageProgress};
 use trisplat_scene::{Asset, ImportedScene, Placement, Result, Scene, UpAxis};
-use values::{FileFrame, LevelContext, LoadedScene, NormalSources, SceneCameras};
+use values::{FileFrame, FrameSource, LevelContext, LoadedScene, NormalSources, SceneCameras};
 
 /// A bake that is running: its options, and where it reports.
 pub(super) struct Recipe<'a> {
@@ -81,7 +81,7 @@ impl<'a> Recipe<'a> {
             self.simplify_input_backdrop(input_backdrop, &scene.scene, &viewpoint_cameras)?;
         let backdrop = input_backdrop.as_ref();
         self.budget = self.budget.with_input_backdrop(self.counted_triangles(backdrop));
-        pictures.drawn =
+        pictures.drawn_views =
             self.teacher(&scene, backdrop, &background, &pictures, &viewpoint_cameras)?;
         let mut scene = self.arrange(scene, &pictures)?;
         let traits = self.traits(&scene, &pictures);
@@ -116,10 +116,10 @@ impl<'a> Recipe<'a> {
         cameras.store_in(&mut provenance);
         let normals =
             NormalSources { cameras: &cameras.visibility, surface: normal_surface.as_ref() };
-        let are_chosen = pictures.photos.as_deref().is_some_and(|views| views.are_chosen);
+        let are_chosen = pictures.photo_views.as_deref().is_some_and(|views| views.are_chosen);
         let evidence = Evidence { cameras: &cameras.photos, points: pictures.points(), are_chosen };
         let (asset, frame, viewpoint) =
-            self.package(mesh, provenance.clone(), evidence, normals, None)?;
+            self.package(mesh, provenance.clone(), normals, FrameSource::Evidence(evidence))?;
         self.warn_of_assumed_up(assumed_up.filter(|_| cameras.photos.is_empty()));
         let context = LevelContext { provenance, normals, frame };
         let levels = self.levels(&level_plan, &context, &cameras, pictures.any())?;

@@ -84,7 +84,7 @@ pub struct ShOptions {
 impl ShOptions {
     /// Plain colours.
     pub const DEFAULT: Self = Self { sh: ShDegree::Zero };
-    /// Those that held-out photos ask for.
+    /// The degree that held-out photos ask for.
     pub const AUTO: Self = Self { sh: ShDegree::Auto };
 }
 

@@ -149,7 +149,7 @@ fn visible_sides(
     pixels
 }
 
-/// What photos say for and against the back of a face.
+/// Evidence of the photos for and against the back of a face.
 #[derive(Debug, Clone, Copy, Default)]
 struct BackEvidence {
     /// Squared error of the pixels that show the back, less that of what stands behind it, sRGB in
@@ -213,7 +213,7 @@ fn back_evidence(
     }
     let colors: Vec<[f32; 3]> =
         (0..with_backs.face_count()).map(|face| face_srgb(&with_backs, face)).collect();
-    // Where there is no face, the background shows.
+    // The background shows beside all faces.
     let color = |face: u32| colors.get(face as usize).copied().unwrap_or(options.background);
     let mut solid = SolidRasterizer::new();
     let mut evidence = vec![BackEvidence::default(); faces];

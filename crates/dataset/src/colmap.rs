@@ -1,11 +1,11 @@
 //! COLMAP models as data sets: their places, their photos, and the errors of cameras and points.
 
 use super::colmap_model::{ColmapModel, ImageRow, ListedPoint};
+use super::dataset::{DatasetKind, Reprojection};
 use super::lens::Lens;
 use super::listing::{DatasetListing, LensClaim, ListedPhoto, NamedFiles};
 use super::options::DatasetOptions;
 use super::pose_check::{self, Mistake, Pose};
-use super::posed::{DatasetKind, Reprojection};
 use super::{colmap_binary, colmap_text};
 use glam::{DVec2, DVec3, UVec2, Vec2};
 use std::collections::HashMap;
@@ -56,14 +56,15 @@ fn models_in(folder: &Path) -> Vec<ModelFiles> {
         let binary = has("bin");
         (binary || has("txt")).then_some(ModelFiles { folder, binary })
     };
-    let found: Vec<_> = numbered(folder).into_iter().filter_map(model).collect();
+    let found: Vec<_> = numbered_folders(folder).into_iter().filter_map(model).collect();
     if found.is_empty() { model(folder.to_owned()).into_iter().collect() } else { found }
 }
 
 /// Says what a model lacks whose files are only in part there.
 pub(super) fn incomplete(root: &Path) -> Option<String> {
     let places = ["sparse", "colmap/sparse", ""].map(|place| root.join(place));
-    let folders = places.iter().flat_map(|place| [numbered(place), vec![place.clone()]]).flatten();
+    let folders =
+        places.iter().flat_map(|place| [numbered_folders(place), vec![place.clone()]]).flatten();
     folders.into_iter().find_map(|folder| {
         let names = |extension: &str| {
             ["cameras", "images", "points3D"].map(|name| format!("{name}.{extension}"))
@@ -84,11 +85,11 @@ pub(super) fn incomplete(root: &Path) -> Option<String> {
 }
 
 /// The paths in `folder` whose names are numbers, in the order of these.
-pub(super) fn numbered(folder: &Path) -> Vec<PathBuf> {
+pub(super) fn numbered_folders(folder: &Path) -> Vec<PathBuf> {
     let number = |path: PathBuf| Some((path.file_name()?.to_str()?.parse::<u32>().ok()?, path));
-    let mut numbered: Vec<_> = input::entries(folder).filter_map(number).collect();
-    numbered.sort_unstable();
-    numbered.into_iter().map(|(_, path)| path).collect()
+    let mut folders: Vec<_> = input::entries(folder).filter_map(number).collect();
+    folders.sort_unstable();
+    folders.into_iter().map(|(_, path)| path).collect()
 }
 
 /// Reads the model and finds its photos.
@@ -120,11 +121,12 @@ pub(super) fn read(
     }
     leave_out_loose(&mut model, &mut warnings);
     warnings.extend(fell_apart(data_set, files));
-    let mut named = NamedFiles::new(&list, &folder, options);
+    let mut files_of_photos = NamedFiles::new(&list, &folder, options);
     let numbers: HashMap<u64, u32> = points.iter().map(|point| point.id).zip(0..).collect();
-    let photos = model.images.iter().map(|image| photo(image, &model, &numbers, &mut named));
+    let photos =
+        model.images.iter().map(|image| photo(image, &model, &numbers, &mut files_of_photos));
     let photos = photos.collect::<Result<_>>()?;
-    warnings.extend(named.warnings());
+    warnings.extend(files_of_photos.warnings());
     Ok(DatasetListing {
         kind: if files.binary { DatasetKind::ColmapBinary } else { DatasetKind::ColmapText },
         points,
@@ -153,41 +155,41 @@ fn fell_apart(root: &Path, files: &ModelFiles) -> Option<String> {
 
 /// Reason why the points do not belong to the model; `None` if they do.
 fn foreign_points(model: &ColmapModel, places: &HashMap<u64, DVec3>) -> Option<String> {
-    let observed: usize = model.images.iter().map(|image| image.observations.len()).sum();
-    if observed == 0 || places.is_empty() {
+    let observations: usize = model.images.iter().map(|image| image.observations.len()).sum();
+    if observations == 0 || places.is_empty() {
         return None;
     }
     let other = "is of another reconstruction than the photos";
-    let apart = |change| apart_sightings(&sightings(model, places, change));
+    let apart = |change| count_apart(&sightings(model, places, change));
     let (apart_as_read, count) = apart(|pose| pose);
     if count == 0 {
-        return Some(format!("{other}: none of the points of {observed} observations exists"));
+        return Some(format!("{other}: none of the points of {observations} observations exists"));
     }
     if count < MIN_OBSERVATIONS || 2 * apart_as_read <= count {
         return None;
     }
-    let seen = format!("{apart_as_read} of {count} points are not where the photos show them");
-    let tried = pose_check::mistakes(DatasetKind::ColmapText);
+    let misfit = format!("{apart_as_read} of {count} points are not where the photos show them");
+    let mistakes = pose_check::mistakes(DatasetKind::ColmapText);
     let is_meant = |mistake: &&Mistake| 2 * apart(mistake.2).0 <= count;
-    Some(match tried.iter().find(is_meant) {
+    Some(match mistakes.iter().find(is_meant) {
         Some((name, remedy, _)) => format!(
-            "does not fit the photos: {seen}, but they would be if poses are {name}: {remedy}"
+            "does not fit the photos: {misfit}, but they would be if poses are {name}: {remedy}"
         ),
-        None => format!("{other}: {seen}"),
+        None => format!("{other}: {misfit}"),
     })
 }
 
 /// Number of points that are not where photos show them, and of all.
-fn apart_sightings(found: &[Sighting<'_>]) -> (usize, usize) {
+fn count_apart(sightings: &[Sighting<'_>]) -> (usize, usize) {
     // The photos may have been observed at another size than their cameras have.
     let scales =
-        found.iter().filter_map(|(_, at, seen)| Some(at.as_ref()?.length() / seen.length()));
+        sightings.iter().filter_map(|(_, at, seen)| Some(at.as_ref()?.length() / seen.length()));
     let scale = median(scales.collect(), f64::total_cmp).unwrap_or(1.0);
     let is_apart = |(lens, at, seen): &&(&Lens, Option<DVec2>, DVec2)| {
         let most = MAX_REPROJECTION_ERROR * lens.size.as_dvec2().max_element();
         !at.is_some_and(|at| at.distance(*seen * scale) <= most)
     };
-    (found.iter().filter(is_apart).count(), found.len())
+    (sightings.iter().filter(is_apart).count(), sightings.len())
 }
 
 /// Leaves out photos whose poses hang on next to nothing.
@@ -252,7 +254,7 @@ fn photo(
     let path = files.find(&place, &image.name)?;
     let tracked = image.observations.iter().filter_map(|(id, _)| points.get(id).copied()).collect();
     let pose = (image.rotation, image.translation);
-    Ok(ListedPhoto { tracked, ..ListedPhoto::posed(name, path, pose, LensClaim::of(lens)) })
+    Ok(ListedPhoto { tracked, ..ListedPhoto::with_pose(name, path, pose, LensClaim::of(lens)) })
 }
 
 impl ModelFiles {
@@ -303,16 +305,16 @@ fn sightings<'a>(
     places: &HashMap<u64, DVec3>,
     change: fn(Pose) -> Pose,
 ) -> Vec<Sighting<'a>> {
-    let mut found = Vec::new();
+    let mut sightings = Vec::new();
     for image in &model.images {
         let Some(lens) = model.cameras.get(&image.camera) else { continue };
         let pose = change(Pose { rotation: image.rotation, translation: image.translation });
-        found.extend(image.observations.iter().filter_map(|(id, seen)| {
+        sightings.extend(image.observations.iter().filter_map(|(id, seen)| {
             let ray = pose.rotation * *places.get(id)? + pose.translation;
             Some((lens, lens.pixel(ray), seen.as_dvec2()))
         }));
     }
-    found
+    sightings
 }
 
 /// Projects every point of the model at `root` into every photo that observed it; `None` without a

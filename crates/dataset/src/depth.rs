@@ -13,7 +13,7 @@ const MAX_SLOPE: f64 = 0.08;
 
 /// A depth map in a file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct DepthMap {
+pub struct DepthFile {
     /// A grey PNG.
     pub path: PathBuf,
     pub(super) unit: DepthUnit,
@@ -28,7 +28,7 @@ pub(super) enum DepthUnit {
     Inverse { scale: f64, offset: f64 },
 }
 
-impl DepthMap {
+impl DepthFile {
     /// A map whose codes are depths in units of `unit`.
     pub(super) fn linear(path: PathBuf, unit: f64) -> Self {
         Self { path, unit: DepthUnit::Linear(unit) }

@@ -1,8 +1,8 @@
 //! Scales of depth maps: from the file of their scales beside a COLMAP model, and to the points.
 
-use super::depth::{DepthMap, DepthUnit};
+use super::dataset::{Dataset, DatasetKind, Point};
+use super::depth::{DepthFile, DepthUnit};
 use super::listing::DatasetListing;
-use super::posed::{Dataset, DatasetKind, Point};
 use super::transforms::quoted;
 use glam::Vec2;
 use serde_json::{Map, Value};
@@ -56,7 +56,7 @@ pub(super) fn find_depths(listing: &mut DatasetListing, limits: &Limits) -> Resu
         let key = Path::new(&photo.name).with_extension("");
         let path = folder.join(&key).with_added_extension("png");
         let unit = units.get(&key).filter(|_| path.is_file());
-        photo.depth = unit.map(|unit| DepthMap { path, unit: *unit });
+        photo.depth = unit.map(|unit| DepthFile { path, unit: *unit });
     }
     let total = listing.photos.len();
     let without = listing.photos.iter().filter(|photo| photo.depth.is_none()).count();

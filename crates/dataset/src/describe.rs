@@ -1,9 +1,9 @@
 //! Figures of a data set, for `trisplat info`, and its files, which no command may overwrite.
 
-use super::colmap::{numbered, with_photos};
+use super::colmap::{numbered_folders, with_photos};
+use super::dataset::{Dataset, DatasetKind, Reprojection, View};
 use super::depth_scale::depth_error;
 use super::listing::{is_json, with_extension};
-use super::posed::{Dataset, DatasetKind, Reprojection, View};
 use super::realityscan;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -84,7 +84,8 @@ pub struct CameraGroup {
 /// A COLMAP model that cannot be read again with its observations.
 pub fn describe(dataset: &Dataset, limits: &Limits) -> Result<Description> {
     let views = &dataset.views;
-    let stated: Vec<f64> = dataset.points.iter().filter_map(|p| p.error).map(f64::from).collect();
+    let stated_errors: Vec<f64> =
+        dataset.points.iter().filter_map(|p| p.error).map(f64::from).collect();
     let count = |keep: &dyn Fn(&View) -> bool| views.iter().filter(|v| keep(v)).count() as u64;
     let pixels = |v: &View| u64::from(v.camera.size.x) * u64::from(v.camera.size.y);
     let origin = dataset.origin;
@@ -107,27 +108,26 @@ pub fn describe(dataset: &Dataset, limits: &Limits) -> Result<Description> {
         camera_extent: around.map_or(0.0, |[low, high]| low.distance(high).into()),
         points: dataset.points.len() as u64,
         point_bounds: bounds(dataset),
-        stated_error_px: (!stated.is_empty())
-            .then(|| stated.iter().sum::<f64>() / stated.len() as f64),
+        stated_error_px: (!stated_errors.is_empty())
+            .then(|| stated_errors.iter().sum::<f64>() / stated_errors.len() as f64),
         reprojection: dataset.reprojection(limits)?,
         origin: (origin != glam::DVec3::ZERO).then(|| origin.to_array()),
         warnings: dataset.warnings.clone(),
     })
 }
 
-/// Photos that are looked at for transparent pixels.
-const LOOKED_AT: usize = 12;
+/// Maximum number of photos decoded to find transparent pixels.
+const MAX_SAMPLES: usize = 12;
 
 /// True where photos have opacity, all of it full: they show no object without background.
 fn is_opaque(views: &[View]) -> bool {
     let with_opacity: Vec<&View> =
         views.iter().filter(|view| view.photo.is_cut() && view.photo.mask.is_none()).collect();
-    let looked_at: Vec<&View> =
-        evenly_spaced(with_opacity.len(), LOOKED_AT).map(|i| with_opacity[i]).collect();
+    let sample: Vec<&View> =
+        evenly_spaced(with_opacity.len(), MAX_SAMPLES).map(|i| with_opacity[i]).collect();
     // Who reads the photos reports those that cannot be decoded.
     let is_opaque = |view: &&View| view.photo.decode().is_ok_and(|photo| photo.alpha.is_none());
-    !looked_at.is_empty()
-        && parallel::map(&looked_at, |_, view| is_opaque(view)).into_iter().all(|is| is)
+    !sample.is_empty() && parallel::map(&sample, |_, view| is_opaque(view)).into_iter().all(|is| is)
 }
 
 fn cameras(views: &[View]) -> Vec<CameraGroup> {
@@ -218,8 +218,9 @@ impl Dataset {
             }
         }
         let lists = files.iter().filter(|file| is_json(file));
-        let named: Vec<PathBuf> = lists.flat_map(|file| named(&json(file, limits), root)).collect();
-        files.extend(named);
+        let listed_files: Vec<PathBuf> =
+            lists.flat_map(|file| files_of_list(&json(file, limits), root)).collect();
+        files.extend(listed_files);
         files
     }
 
@@ -228,7 +229,7 @@ impl Dataset {
     pub fn pose_files(root: &Path) -> Vec<PathBuf> {
         let mut files = Vec::from_iter(realityscan::locate(root));
         for folder in FOLDERS.map(|folder| root.join(folder)) {
-            numbered(&folder).iter().for_each(|model| files.extend(poses(model)));
+            numbered_folders(&folder).iter().for_each(|model| files.extend(poses(model)));
             files.extend(poses(&folder));
         }
         files.sort();
@@ -238,9 +239,9 @@ impl Dataset {
 
 /// The files of poses in `folder` itself.
 fn poses(folder: &Path) -> Vec<PathBuf> {
-    let named = |name: &str| NAMES.iter().any(|start| name.starts_with(start));
+    let begins = |name: &str| NAMES.iter().any(|start| name.starts_with(start));
     let is_one =
-        |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(named);
+        |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(begins);
     input::entries(folder).filter(|path| is_one(path) && path.is_file()).collect()
 }
 
@@ -251,7 +252,7 @@ fn json(file: &Path, limits: &Limits) -> Value {
 }
 
 /// The files that a `transforms.json` names.
-fn named(list: &Value, root: &Path) -> Vec<PathBuf> {
+fn files_of_list(list: &Value, root: &Path) -> Vec<PathBuf> {
     let path = |name: &Value| Some(root.join(name.as_str()?.replace('\\', "/")));
     let frames = list["frames"].as_array().into_iter().flatten();
     let photos = frames.flat_map(|frame| {

@@ -31,6 +31,7 @@ pub mod exposure {
     pub use own::own_exposures;
     pub use solve::solve;
 }
+mod dataset;
 mod lens;
 mod listing;
 mod llff;
@@ -43,17 +44,16 @@ mod photo;
 mod photos;
 mod points;
 mod pose_check;
-mod posed;
 mod realityscan;
 mod silhouettes;
 mod transforms;
 mod views;
 
-pub use depth::{DepthMap, DepthPicture};
+pub use dataset::{Dataset, DatasetKind, Point, Reprojection, ShrunkSize, Split, View};
+pub use depth::{DepthFile, DepthPicture};
 pub use describe::{Description, describe};
 pub use lens::{Distortion, Lens, LensProjection};
 pub use options::{DatasetOptions, Masks, PhotoBackground};
 pub use photo::{Photo, PictureFile, StoredPhoto};
 pub use photos::Photos;
 pub use points::{looking_distance, random_points};
-pub use posed::{Dataset, DatasetKind, Point, Reprojection, ShrunkSize, Split, View};

@@ -2,10 +2,10 @@
 //! names must be in its folder.
 
 use super::colmap_model::ListedPoint;
-use super::depth::DepthMap;
+use super::dataset::DatasetKind;
+use super::depth::DepthFile;
 use super::lens::{Distortion, Lens, LensProjection};
 use super::options::DatasetOptions;
-use super::posed::DatasetKind;
 use glam::{DMat3, DVec2, DVec3, UVec2};
 use std::cell::OnceCell;
 use std::collections::HashMap;
@@ -33,7 +33,7 @@ pub(super) struct ListedPhoto {
     pub(super) name: String,
     pub(super) path: PathBuf,
     pub(super) mask: Option<PathBuf>,
-    pub(super) depth: Option<DepthMap>,
+    pub(super) depth: Option<DepthFile>,
     /// World to camera, COLMAP axes: pixel ~ rotation * world + translation.
     pub(super) rotation: DMat3,
     pub(super) translation: DVec3,
@@ -46,7 +46,7 @@ pub(super) struct ListedPhoto {
 
 impl ListedPhoto {
     /// A photo with this pose (rotation and translation), to train on, without mask and tracks.
-    pub(super) fn posed(
+    pub(super) fn with_pose(
         name: String,
         path: PathBuf,
         pose: (DMat3, DVec3),

@@ -4,9 +4,9 @@
 //! columns of the matrix are the directions down, right and backwards of the photo, the place of
 //! the camera, and (height, width, focal length) in px.
 
+use super::dataset::DatasetKind;
 use super::listing::{DatasetListing, LensClaim, ListedPhoto};
 use super::options::DatasetOptions;
-use super::posed::DatasetKind;
 use glam::{DMat3, DVec3, UVec2};
 use std::fs::File;
 use std::io::Read;
@@ -30,16 +30,17 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<DatasetListi
     let header = Header::read(file, &mut from, length)?;
     let name = options.images.display().to_string();
     let folders = [name.clone()].into_iter().chain([2, 4, 8, 16].map(|by| format!("{name}_{by}")));
-    let counted = folders.map(|folder| (pictures(&root.join(&folder)), folder)).collect::<Vec<_>>();
+    let pictures_by_folder =
+        folders.map(|folder| (pictures(&root.join(&folder)), folder)).collect::<Vec<_>>();
     let Some((pictures, folder)) =
-        counted.iter().find(|(pictures, _)| pictures.len() == header.rows)
+        pictures_by_folder.iter().find(|(pictures, _)| pictures.len() == header.rows)
     else {
-        let found: Vec<String> = counted
+        let counts: Vec<String> = pictures_by_folder
             .iter()
             .map(|(pictures, folder)| format!("{} in {folder}", pictures.len()))
             .collect();
         let reason =
-            format!("has {} poses, and there are photos: {}", header.rows, found.join(", "));
+            format!("has {} poses, and there are photos: {}", header.rows, counts.join(", "));
         return Err(Error::malformed(
             file,
             "photos",
@@ -80,9 +81,9 @@ fn photo(name: String, path: PathBuf, row: &[f64; ROW]) -> Result<ListedPhoto, S
     let to_world = DMat3::from_cols(column(1), column(0), -column(2));
     let size = column(4);
     let skew = to_world.transpose() * to_world - DMat3::IDENTITY;
-    let turned =
+    let is_rotation =
         to_world.determinant() > 0.0 && skew.to_cols_array().iter().all(|x| x.abs() < 1e-3);
-    if !turned || !row.iter().all(|x| x.is_finite()) {
+    if !is_rotation || !row.iter().all(|x| x.is_finite()) {
         return Err("is no rotation: expected columns down, right, backwards".into());
     }
     let [height, width, focal] = size.to_array();
@@ -96,7 +97,7 @@ fn photo(name: String, path: PathBuf, row: &[f64; ROW]) -> Result<ListedPhoto, S
         ..LensClaim::default()
     };
     let translation = -(rotation * column(3));
-    Ok(ListedPhoto::posed(name, path, (rotation, translation), lens))
+    Ok(ListedPhoto::with_pose(name, path, (rotation, translation), lens))
 }
 
 /// Header of a NumPy file.

@@ -2,6 +2,7 @@
 //! check the photos, plan their undistortion, shrink, split.
 
 use super::colmap_model::ListedPoint;
+use super::dataset::{Dataset, DatasetKind, Point, Reprojection, View, hold_out};
 use super::depth_scale::find_depths;
 use super::extent::{MAX_DISTANCE, check_extent, leave_out_far, origin_of};
 use super::lens::{Lens, Undistort};
@@ -11,7 +12,6 @@ use super::options::{DatasetOptions, Masks};
 use super::photo::{Photo, check_mask};
 use super::points::bring_to_horizon;
 use super::pose_check::unseen_points;
-use super::posed::{Dataset, DatasetKind, Point, Reprojection, View, hold_out};
 use super::silhouettes::are_silhouettes;
 use super::{colmap, exif, llff, metashape, phone_apps, realityscan, transforms, views};
 use glam::{DMat3, DVec3, UVec2, Vec2Swizzles};
@@ -154,16 +154,16 @@ fn finish(
     listing.photos.sort_by(|a, b| a.name.cmp(&b.name));
     if let Some(pair) = listing.photos.windows(2).find(|pair| pair[0].name == pair[1].name) {
         let by_label = matches!(listing.kind, DatasetKind::Metashape | DatasetKind::RealityScan);
-        let shared = by_label.then(|| shared_label(&listing.root, &pair[0].path)).flatten();
-        let reason = shared.unwrap_or_else(|| "is listed twice; remove one of the two".into());
+        let shared_name = by_label.then(|| shared_label(&listing.root, &pair[0].path)).flatten();
+        let reason = shared_name.unwrap_or_else(|| "is listed twice; remove one of the two".into());
         return Err(Error::malformed(&listing.list, format!("photo `{}`", pair[0].name), reason));
     }
     if some.is_none() {
         leave_out_far(&mut listing);
     }
     check_extent(&listing)?;
-    let given = some.and_then(|(_, origin)| origin);
-    let origin = given.unwrap_or_else(|| origin_of(&listing));
+    let given_origin = some.and_then(|(_, origin)| origin);
+    let origin = given_origin.unwrap_or_else(|| origin_of(&listing));
     if let Some((names, _)) = some {
         keep_named(&mut listing, names);
     }
@@ -182,7 +182,7 @@ fn finish(
         origin,
         warnings: listing.warnings,
     };
-    match given {
+    match given_origin {
         Some(_) => dataset.views.iter_mut().for_each(|view| view.tracked.clear()),
         None => keep_points(listing.points, &mut dataset),
     }
@@ -210,8 +210,8 @@ fn keep_named(listing: &mut DatasetListing, names: &BTreeSet<String>) {
 
 /// Refuses names without a view.
 fn check_named(listing: &DatasetListing, views: &[View], names: &BTreeSet<String>) -> Result<()> {
-    let there: BTreeSet<&String> = views.iter().map(|view| &view.name).collect();
-    match names.iter().find(|name| !there.contains(name)) {
+    let view_names: BTreeSet<&String> = views.iter().map(|view| &view.name).collect();
+    match names.iter().find(|name| !view_names.contains(name)) {
         Some(name) => {
             let reason = "is not in the data set any more: put it back, or plan again";
             Err(Error::malformed(&listing.list, format!("photo `{name}`"), reason))
@@ -226,22 +226,22 @@ fn open_views(
     origin: DVec3,
     options: &DatasetOptions,
 ) -> Result<Vec<View>> {
-    let opened: Vec<Result<(Vec<View>, Option<String>)>> =
+    let photos: Vec<Result<(Vec<View>, Option<String>)>> =
         parallel::map(&listing.photos, |_, photo| open_photo(photo, origin, options));
     let mut broken = std::mem::take(&mut listing.broken);
-    let total = opened.len() + broken.len();
+    let total = photos.len() + broken.len();
     let mut views: Vec<View> = Vec::with_capacity(total);
     let mut wide = 0;
     let mut parts = 0;
-    let mut resized = Vec::new();
-    for (photo, result) in listing.photos.iter().zip(opened) {
+    let mut size_warnings = Vec::new();
+    for (photo, result) in listing.photos.iter().zip(photos) {
         match result {
             Ok((of_photo, warning)) => {
                 let several = of_photo.len() > 1;
                 (wide, parts) =
                     if several { (wide + 1, parts + of_photo.len()) } else { (wide, parts) };
                 views.extend(of_photo);
-                resized.extend(warning);
+                size_warnings.extend(warning);
             }
             Err(
                 error @ (Error::Io { .. }
@@ -256,8 +256,8 @@ fn open_views(
     }
     let count = |n: usize| format!("{n} of {total} photos {}", if n == 1 { "is" } else { "are" });
     let also = |n: usize| if n > 1 { format!(" (and {} more)", n - 1) } else { String::new() };
-    if let Some(first) = resized.first() {
-        listing.warnings.push(format!("{first}{}", also(resized.len())));
+    if let Some(first) = size_warnings.first() {
+        listing.warnings.push(format!("{first}{}", also(size_warnings.len())));
     }
     if let Some((name, error)) = broken.first() {
         let at = format!("photo `{name}`");
@@ -308,9 +308,9 @@ fn open_photo(
         return Err(Error::unsupported(&listed.path, reason));
     }
     let at_fault = |reason: String| Error::malformed(&listed.path, "camera", reason);
-    let claimed = listed.lens.resolve(stored).map_err(at_fault)?;
-    let warning = check_shape(&listed.path, &claimed, stored).map_err(at_fault)?;
-    let lens = claimed.resized(stored);
+    let stated_lens = listed.lens.resolve(stored).map_err(at_fault)?;
+    let warning = check_shape(&listed.path, &stated_lens, stored).map_err(at_fault)?;
+    let lens = stated_lens.resized(stored);
     // Opacity is a mask inside the photo.
     let cut = match (&listed.mask, options.masks) {
         (Some(_), masks) => masks == Masks::Cut,
@@ -327,7 +327,7 @@ fn open_photo(
     let view = |(part, undistort): (&str, Option<Undistort>)| {
         let pinhole = undistort.map_or(lens, |plan| plan.pinhole);
         let turn = undistort.map_or(DMat3::IDENTITY, |plan| plan.turn);
-        let size = shrunk(pinhole.size, options.max_size);
+        let size = limited_size(pinhole.size, options.max_size);
         let pinhole = pinhole.resized(size);
         let camera = Camera {
             rotation: (turn * listed.rotation).as_mat3(),
@@ -399,8 +399,9 @@ fn check_shape(path: &Path, lens: &Lens, stored: UVec2) -> Result<Option<String>
         let ratio = photo.as_dvec2() / lens.size.as_dvec2();
         (ratio.x / ratio.y - 1.0).abs() <= rounding
     };
-    let turned = || exif::orientation_of(path).filter(|o| *o >= 5 && fits(stored.yx()));
-    match (fits(stored), turned()) {
+    let turning_orientation =
+        || exif::orientation_of(path).filter(|o| *o >= 5 && fits(stored.yx()));
+    match (fits(stored), turning_orientation()) {
         (true, _) => {}
         (false, Some(orientation)) => {
             return Err(format!(
@@ -418,7 +419,7 @@ fn check_shape(path: &Path, lens: &Lens, stored: UVec2) -> Result<Option<String>
 }
 
 /// The size of a photo whose longer side may be at most `max_size`.
-fn shrunk(size: UVec2, max_size: Option<u32>) -> UVec2 {
+fn limited_size(size: UVec2, max_size: Option<u32>) -> UVec2 {
     let longest = size.max_element();
     match max_size {
         Some(limit) if limit < longest => {
@@ -445,20 +446,20 @@ fn keep_points(points: Vec<ListedPoint>, dataset: &mut Dataset) {
     }
     let cameras: Vec<Camera> = dataset.views.iter().map(|view| view.camera).collect();
     let (beyond, horizon) = bring_to_horizon(&mut dataset.points, &cameras);
-    let kept = dataset.points.len();
+    let count_kept = dataset.points.len();
     let warnings = &mut dataset.warnings;
     if beyond > 0 {
         warnings.push(format!(
-            "{beyond} of {kept} points are farther away than {horizon:.0} units, where no two photos differ by a pixel: they are brought to that distance"
+            "{beyond} of {count_kept} points are farther away than {horizon:.0} units, where no two photos differ by a pixel: they are brought to that distance"
         ));
     }
-    if kept < count {
+    if count_kept < count {
         warnings.push(format!(
             "dropped {} points that are not finite, or farther than {MAX_DISTANCE:.0e}",
-            count - kept
+            count - count_kept
         ));
     }
-    if kept == 0 {
+    if count_kept == 0 {
         warnings.push("no points: training searches where three photos agree".into());
     }
 }

@@ -1,9 +1,9 @@
 //! Finds the masks of photos, and refuses those that leave no pixel: nothing is learnt from black,
 //! and every drawing scores well.
 
+use super::dataset::{Dataset, View};
 use super::listing::{DatasetListing, is_picture};
 use super::options::{DatasetOptions, Masks};
-use super::posed::{Dataset, View};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use trisplat_scene::image::RgbImage;

@@ -9,10 +9,10 @@
 //! u = w / 2 + cx + x' (f + b1) + y' b2        v = h / 2 + cy + y' f
 //! ```
 
+use super::dataset::DatasetKind;
 use super::lens::{Distortion, Lens, LensProjection};
 use super::listing::{DatasetListing, LensClaim, ListedPhoto, NamedFiles};
 use super::options::DatasetOptions;
-use super::posed::DatasetKind;
 use glam::{DMat3, DMat4, DVec2, DVec3, UVec2};
 use quick_xml::Reader;
 use quick_xml::de::from_str;
@@ -186,7 +186,7 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<DatasetListi
         let path = files.find(&at, &camera.label)?;
         let name = files.name_of(&path);
         match camera.pose(place) {
-            Ok(pose) => photos.push(ListedPhoto::posed(name, path, pose, lens)),
+            Ok(pose) => photos.push(ListedPhoto::with_pose(name, path, pose, lens)),
             Err(reason) => broken.push((name, wrong(reason))),
         }
     }
@@ -208,20 +208,21 @@ const NO_POSE: &str = "none has a pose; align the photos before the export";
 
 /// The chunk with the most poses, `None` without any pose; and a warning about the poses of others.
 fn main_chunk(mut chunks: Vec<XmlChunk>) -> (Option<XmlChunk>, Vec<String>) {
-    chunks.retain(|chunk| !chunk.posed().is_empty());
+    chunks.retain(|chunk| !chunk.cameras_with_pose().is_empty());
     // Stable: the first of equals.
-    chunks.sort_by_key(|chunk| std::cmp::Reverse(chunk.posed().len()));
+    chunks.sort_by_key(|chunk| std::cmp::Reverse(chunk.cameras_with_pose().len()));
     let count = chunks.len();
     let mut chunks = chunks.into_iter();
     let main = chunks.next();
-    let others = chunks.map(|chunk| format!("`{}` {}", chunk.label, chunk.posed().len()));
+    let others =
+        chunks.map(|chunk| format!("`{}` {}", chunk.label, chunk.cameras_with_pose().len()));
     let others = others.collect::<Vec<_>>().join(", ");
     let warning = main.as_ref().filter(|_| count > 1).map(|main| {
         format!(
             "{count} chunks have poses: only `{}` is used, of {} photos; the others have: {others} (merge them in Metashape, or \
              export one)",
             main.label,
-            main.posed().len()
+            main.cameras_with_pose().len()
         )
     });
     (main, warning.into_iter().collect())
@@ -229,7 +230,7 @@ fn main_chunk(mut chunks: Vec<XmlChunk>) -> (Option<XmlChunk>, Vec<String>) {
 
 impl XmlChunk {
     /// The cameras with a pose that are not disabled.
-    fn posed(&self) -> Vec<&XmlCamera> {
+    fn cameras_with_pose(&self) -> Vec<&XmlCamera> {
         let is_used = |camera: &&XmlCamera| {
             camera.transform.is_some() && !matches!(camera.enabled.as_deref(), Some("0" | "false"))
         };
@@ -250,21 +251,21 @@ impl XmlChunk {
     /// The posed cameras of one world: all, or where a component has no place those of the largest
     /// component. Says so in `warnings`.
     fn main_component(&self, warnings: &mut Vec<String>) -> Vec<&XmlCamera> {
-        let mut posed = self.posed();
+        let mut cameras = self.cameras_with_pose();
         let mut sizes: BTreeMap<Option<u32>, usize> = BTreeMap::new();
-        posed.iter().for_each(|camera| *sizes.entry(camera.component).or_default() += 1);
-        let is_placed = posed.iter().all(|camera| self.component(camera).is_some());
+        cameras.iter().for_each(|camera| *sizes.entry(camera.component).or_default() += 1);
+        let is_placed = cameras.iter().all(|camera| self.component(camera).is_some());
         if sizes.len() > 1 && !is_placed {
             let largest = sizes.iter().rev().max_by_key(|(_, count)| **count);
             let main = largest.and_then(|(id, _)| *id);
-            posed.retain(|camera| camera.component == main);
+            cameras.retain(|camera| camera.component == main);
             warnings.push(format!(
                 "the photos fell into {} components without a place relative to each other: only the largest is used; align \
                  them together",
                 sizes.len()
             ));
         }
-        posed
+        cameras
     }
 }
 

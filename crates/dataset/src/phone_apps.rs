@@ -7,9 +7,9 @@
 //! * Record3D: `metadata` has `poses`, a quaternion x y z w and a place for each picture of `rgb` (or
 //!   `rgbd`), and the lens: `K` by columns, or `perFrameIntrinsicCoeffs`.
 
+use super::dataset::DatasetKind;
 use super::listing::{DatasetListing, is_json};
 use super::options::DatasetOptions;
-use super::posed::DatasetKind;
 use super::transforms::{FrameRow, TransformsList, quoted};
 use glam::{DMat3, DQuat, DVec4};
 use serde_json::{Map, Value, json};

@@ -1,6 +1,6 @@
 //! One photo: on disk with its processing steps, or drawn, in memory or in a temporary file.
 
-use super::depth::{DepthMap, DepthPicture, PlaceInFile};
+use super::depth::{DepthFile, DepthPicture, PlaceInFile};
 use super::lens::Undistort;
 use super::options::PhotoBackground;
 use glam::UVec2;
@@ -19,7 +19,7 @@ pub struct Photo {
     /// The mask, as large as the photo.
     pub mask: Option<PathBuf>,
     /// The depth map, with the shape of the photo.
-    pub(super) depth: Option<DepthMap>,
+    pub(super) depth: Option<DepthFile>,
     /// Width and height as delivered, px.
     pub size: UVec2,
     /// Width and height of the file, px.
@@ -143,7 +143,7 @@ impl Photo {
     }
 
     /// The file of its depth map.
-    pub fn depth(&self) -> Option<&DepthMap> {
+    pub fn depth(&self) -> Option<&DepthFile> {
         self.depth.as_ref()
     }
 

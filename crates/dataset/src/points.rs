@@ -1,7 +1,7 @@
 //! Sparse clouds: from a PLY file beside a `transforms.json`, or at random in the cameras' views.
 
 use super::colmap_model::ListedPoint;
-use super::posed::{Point, View};
+use super::dataset::{Point, View};
 use glam::{DVec3, Vec2, Vec3};
 use std::path::Path;
 use trisplat_formats::Source;

@@ -1,7 +1,7 @@
 //! Checks cameras against the points, and names the usual mistakes of those who write poses: axes
 //! of another program, and matrices of the other direction.
 
-use super::posed::{Dataset, DatasetKind};
+use super::dataset::{Dataset, DatasetKind};
 use glam::{DMat3, DVec3};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::lists::evenly_spaced;

@@ -6,10 +6,10 @@
 //! Brown's coefficients. A photo with three angles of 0 looks down, its upper edge to +y;
 //! tangential coefficients are in the order opposite to OpenCV's.
 
+use super::dataset::DatasetKind;
 use super::lens::Distortion;
 use super::listing::{DatasetListing, LensClaim, ListedPhoto, NamedFiles};
 use super::options::DatasetOptions;
-use super::posed::DatasetKind;
 use glam::{DMat3, DVec2, DVec3};
 use std::path::{Path, PathBuf};
 use trisplat_scene::image::RgbImage;
@@ -136,7 +136,7 @@ fn photo(
     };
     let rotation = to_world.transpose();
     let translation = -(rotation * DVec3::new(x, y, z));
-    ListedPhoto::posed(name, path, (rotation, translation), lens)
+    ListedPhoto::with_pose(name, path, (rotation, translation), lens)
 }
 
 /// Refuses places in degrees of longitude and latitude with heights in metres.

@@ -1,6 +1,6 @@
 //! Tell masks that are silhouettes of an object from masks of the lens or of movement.
 
-use super::posed::{Point, View};
+use super::dataset::{Point, View};
 use glam::UVec2;
 use trisplat_scene::math::lists::evenly_spaced;
 use trisplat_scene::parallel;

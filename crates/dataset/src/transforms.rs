@@ -8,12 +8,12 @@
 //! ```
 
 use super::colmap_model::ListedPoint;
-use super::depth::DepthMap;
+use super::dataset::DatasetKind;
+use super::depth::DepthFile;
 use super::lens::{Distortion, LensProjection};
 use super::listing::{DatasetListing, LensClaim, ListedPhoto, NamedFiles};
 use super::options::DatasetOptions;
 use super::points::read_ply;
-use super::posed::DatasetKind;
 use glam::{DMat3, DVec2, DVec3, UVec2};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -70,7 +70,7 @@ impl TransformsList<'_> {
             frames,
             shared: Map::new(),
         };
-        let photos = transforms.posed(&mut files, &mut broken)?;
+        let photos = transforms.take_photos(&mut files, &mut broken)?;
         Ok(DatasetListing {
             kind: self.kind,
             root: self.root.to_owned(),
@@ -102,7 +102,7 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<DatasetListi
         None => Vec::new(),
     };
     let mut broken = Vec::new();
-    let mut frames = transforms.posed(&mut files, &mut broken)?;
+    let mut frames = transforms.take_photos(&mut files, &mut broken)?;
     let mut warnings: Vec<String> = files.warnings().collect();
     warnings.extend(split(file, &transforms, &mut frames)?);
     let held_out = ["transforms_test.json", "transforms_val.json"].map(|name| root.join(name));
@@ -126,7 +126,7 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<DatasetListi
 
 impl Transforms {
     /// The frames with a pose; the others are removed, and added to `broken`.
-    fn posed(
+    fn take_photos(
         &mut self,
         files: &mut NamedFiles,
         broken: &mut Vec<(String, Error)>,
@@ -246,14 +246,14 @@ fn add_held_out(
     let mut transforms = parse(file, &options.limits)?;
     let root = file.parent().unwrap_or(Path::new(""));
     let mut files = NamedFiles::new(file, root, options);
-    let mut known: HashMap<String, usize> =
+    let mut index_of_name: HashMap<String, usize> =
         frames.iter().enumerate().map(|(i, f)| (f.name.clone(), i)).collect();
-    for held in transforms.posed(&mut files, broken)? {
-        match known.get(&held.name) {
+    for photo in transforms.take_photos(&mut files, broken)? {
+        match index_of_name.get(&photo.name) {
             Some(&i) => frames[i].held_out = true,
             None => {
-                known.insert(held.name.clone(), frames.len());
-                frames.push(ListedPhoto { held_out: true, ..held });
+                index_of_name.insert(photo.name.clone(), frames.len());
+                frames.push(ListedPhoto { held_out: true, ..photo });
             }
         }
     }
@@ -279,12 +279,14 @@ fn frame(
         None => None,
     };
     let unit = keys.depth_unit().map_err(bad)?;
-    let depth = depth.map(|path| DepthMap::linear(path, unit));
+    let depth = depth.map(|path| DepthFile::linear(path, unit));
     let lens = keys
         .lens(keys.projection().map_err(|reason| Error::unsupported(file, reason))?)
         .map_err(bad)?;
     Ok(match keys.matrix().and_then(|matrix| pose(&matrix)) {
-        Ok(pose) => Ok(ListedPhoto { mask, depth, ..ListedPhoto::posed(name, path, pose, lens) }),
+        Ok(pose) => {
+            Ok(ListedPhoto { mask, depth, ..ListedPhoto::with_pose(name, path, pose, lens) })
+        }
         Err(reason) => Err((name, bad(reason))),
     })
 }

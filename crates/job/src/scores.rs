@@ -67,7 +67,7 @@ pub struct RepresentationScore {
     /// Coverage of views beside the cameras; absent without a solid surface.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beside: Option<CoverageScores>,
-    /// How it looks, in one word; absent in older reports.
+    /// Its look in one word; absent in older reports.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub grade: Option<Grade>,
     /// Change of view-dependent colours in views 60° beside the cameras; absent without any.

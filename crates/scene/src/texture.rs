@@ -215,11 +215,11 @@ impl FaceTexture {
 pub struct Texture {
     levels: Vec<RgbImage>,
     stored: Option<StoredPicture>,
-    /// How it is drawn and written.
+    /// Filter for drawing and writing.
     pub style: TextureStyle,
 }
 
-/// How a picture is filtered and stored.
+/// Filter and storage of a picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TextureStyle {
     /// The filter by which it is drawn.

@@ -24,7 +24,7 @@ const DRAWING: f64 = 0.5;
 /// Minimum share of a part's area that a connected component keeps; smaller ones are dropped.
 const MIN_COMPONENT_AREA: f64 = 0.1;
 
-/// What is known of a scene beside its triangles.
+/// Known facts about a scene beside its triangles.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Observations<'a> {
     /// Cameras in the frame of the scene; without them those that it stores are used, or chosen

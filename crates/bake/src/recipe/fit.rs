@@ -24,10 +24,10 @@ impl Recipe<'_> {
         traits: SceneTraits,
         photo_cameras: &[Camera],
     ) -> Result<Mesh> {
-        self.check_dataset(&mesh, pictures.photos.as_deref_mut())?;
-        let mesh = self.exposure(mesh, trained_exposure, pictures.photos.as_deref_mut())?;
+        self.check_dataset(&mesh, pictures.photo_views.as_deref_mut())?;
+        let mesh = self.exposure(mesh, trained_exposure, pictures.photo_views.as_deref_mut())?;
         let mesh = self.reshape(mesh, pictures.any(), traits)?;
-        self.sides(mesh, backdrop, photo_cameras, pictures.photos.as_deref_mut())
+        self.sides(mesh, backdrop, photo_cameras, pictures.photo_views.as_deref_mut())
     }
 
     /// Refuses photos of another scene, before any work is done with them. Drawn pictures always

@@ -1,11 +1,10 @@
 //! Levels of detail, each painted and packaged like its scene.
 
 use super::Recipe;
-use super::values::{LevelContext, SceneCameras};
+use super::values::{FrameSource, LevelContext, SceneCameras};
 use crate::chunk::ChunkOptions;
 use crate::lod::{FinishedLevel, LevelSource, LodOptions, lod};
 use crate::options::BakeOptions;
-use crate::place::evidence::Evidence;
 use crate::views::Views;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Counts, Report, StageProgress};
@@ -130,9 +129,8 @@ impl Recipe<'_> {
                 level.append(backdrop.clone())?;
             }
         }
-        let frame = Some(context.frame);
-        let (asset, ..) =
-            self.package(level, provenance, Evidence::default(), context.normals, frame)?;
+        let frame = FrameSource::Scene(context.frame);
+        let (asset, ..) = self.package(level, provenance, context.normals, frame)?;
         Ok(FinishedLevel { asset, psnr })
     }
 }

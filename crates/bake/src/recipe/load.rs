@@ -26,7 +26,7 @@ impl Recipe<'_> {
             photos.transform(&scene.provenance.placement);
             photos.show_part(self.drops_surroundings());
         }
-        let pictures = TargetPictures { photos, drawn: None };
+        let pictures = TargetPictures { photo_views: photos, drawn_views: None };
         Ok(LoadedScene { scene, input_backdrop, pictures, assumed_up })
     }
 

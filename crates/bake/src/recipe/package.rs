@@ -1,7 +1,7 @@
 //! The end of the recipe: a painted mesh made ready for a file.
 
 use super::Recipe;
-use super::values::{FileFrame, NormalSources};
+use super::values::{FileFrame, FrameSource, NormalSources};
 use crate::chunk::chunk;
 use crate::lit::lit;
 use crate::order::order;
@@ -16,16 +16,18 @@ use trisplat_scene::report::{Outcome, generator};
 use trisplat_scene::{Asset, Placement, Provenance, Result, frames};
 
 impl Recipe<'_> {
-    /// The part of the recipe that prepares a mesh for a file. Levels are given the frame of their
-    /// scene.
+    /// The part of the recipe that prepares a mesh for a file.
     pub(super) fn package(
         &mut self,
         mesh: Mesh,
         mut provenance: Provenance,
-        evidence: Evidence<'_>,
         normals: NormalSources<'_>,
-        scene_frame: Option<FileFrame>,
+        frame: FrameSource<'_>,
     ) -> Result<(Asset, FileFrame, ViewpointDetails)> {
+        let (evidence, scene_frame) = match frame {
+            FrameSource::Evidence(evidence) => (evidence, None),
+            FrameSource::Scene(frame) => (Evidence::default(), Some(frame)),
+        };
         let options = self.options;
         // In the frame of the cameras, and before stages that order faces.
         let mesh = self.stage(mesh, Mesh::counts, |mesh, details| {

@@ -31,7 +31,7 @@ impl Recipe<'_> {
             return Ok((loaded, known));
         }
         let options = &self.options.background;
-        let has_photos = pictures.photos.is_some();
+        let has_photos = pictures.photo_views.is_some();
         let draws_none = self.options.teacher.teacher == TeacherWhen::Off
             && options.background == BackgroundFrom::Auto;
         self.report.stage(self.observer, loaded, ImportedScene::counts, |loaded, details| {
@@ -58,7 +58,7 @@ impl Recipe<'_> {
             ImportedScene::counts,
             |loaded, details| {
                 let stored = if loaded.cameras.is_empty() { &named } else { &loaded.cameras };
-                let cameras = pictures.photos.as_deref().map_or(&stored[..], Views::cameras);
+                let cameras = pictures.photo_views.as_deref().map_or(&stored[..], Views::cameras);
                 let up = loaded.provenance.up;
                 let (outcome, _) = crop(&mut loaded.scene, cameras, up, options, details)?;
                 Ok(outcome)
@@ -83,7 +83,7 @@ impl Recipe<'_> {
         let backdrop = self.counted_triangles(input_backdrop) as u64;
         let backdrop = backdrop.min(self.budget.surroundings.unwrap_or(0));
         // Photos may ask for a sphere behind holes.
-        let limit = if pictures.photos.is_some() && backdrop == 0 {
+        let limit = if pictures.photo_views.is_some() && backdrop == 0 {
             self.options.backdrop.scene_budget(self.budget.total)
         } else {
             self.budget.total.map(|total| (total - backdrop).max(1))
@@ -105,7 +105,7 @@ impl Recipe<'_> {
         let all = (loaded.scene.triangle_count() + backdrop_triangles) as u64;
         let exceeds_limit = self.budget.total.is_some_and(|total| total < all);
         let is_ranked = exceeds_limit && self.options.teacher.teacher == TeacherWhen::Auto;
-        let has_cameras = pictures.photos.is_some() || !loaded.cameras.is_empty();
+        let has_cameras = pictures.photo_views.is_some() || !loaded.cameras.is_empty();
         let cameras = match &loaded.scene {
             Scene::Mesh(_) if is_ranked && !has_cameras => stored_cameras(&loaded),
             _ => Vec::new(),
@@ -129,7 +129,7 @@ impl Recipe<'_> {
         viewpoint_cameras: &[Camera],
     ) -> Result<Option<Views>> {
         let options = self.options;
-        let has_photos = pictures.photos.is_some();
+        let has_photos = pictures.photo_views.is_some();
         let color = background.object_color();
         let measure = |_: &Option<Views>| loaded.scene.counts();
         let backdrop = input_backdrop.filter(|_| !self.drops_surroundings());
@@ -154,7 +154,7 @@ impl Recipe<'_> {
         loaded: ImportedScene,
         pictures: &TargetPictures<'_>,
     ) -> Result<ImportedScene> {
-        let has_pictures = pictures.photos.is_some() || pictures.drawn.is_some();
+        let has_pictures = pictures.photo_views.is_some() || pictures.drawn_views.is_some();
         let order = self.options.order.order;
         self.stage(loaded, ImportedScene::counts, |loaded, details| {
             let is_drawn = has_pictures || !loaded.cameras.is_empty();
@@ -173,7 +173,7 @@ impl Recipe<'_> {
         let looks_soft = || matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup));
         SceneTraits {
             // Only soft scenes have a teacher.
-            is_soft: pictures.drawn.is_some() && is_soup || is_auto && looks_soft(),
+            is_soft: pictures.drawn_views.is_some() && is_soup || is_auto && looks_soft(),
             is_closed: loaded.scene.shell_count() > 0,
         }
     }

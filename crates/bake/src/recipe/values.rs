@@ -1,5 +1,6 @@
 //! Values that steps of the recipe pass on.
 
+use crate::place::evidence::Evidence;
 use crate::views::Views;
 use glam::Vec3;
 use trisplat_scene::camera::{Camera, Viewpoint};
@@ -22,25 +23,25 @@ pub(super) struct LoadedScene<'a> {
 /// scene.
 pub(super) struct TargetPictures<'a> {
     /// Photos, or pictures that the caller drew in their place.
-    pub photos: Option<&'a mut Views>,
+    pub photo_views: Option<&'a mut Views>,
     /// Pictures that the bake drew.
-    pub drawn: Option<Views>,
+    pub drawn_views: Option<Views>,
 }
 
 impl TargetPictures<'_> {
     /// The photos, or else the drawn pictures.
     pub(super) fn any(&mut self) -> Option<&mut Views> {
-        self.photos.as_deref_mut().or(self.drawn.as_mut())
+        self.photo_views.as_deref_mut().or(self.drawn_views.as_mut())
     }
 
     /// Cameras of the photos.
     pub(super) fn photo_cameras(&self) -> &[Camera] {
-        self.photos.as_deref().map_or(&[], Views::cameras)
+        self.photo_views.as_deref().map_or(&[], Views::cameras)
     }
 
     /// Points of the photos' reconstruction.
     pub(super) fn points(&self) -> &[Vec3] {
-        self.photos.as_deref().map_or(&[], Views::points)
+        self.photo_views.as_deref().map_or(&[], Views::points)
     }
 }
 
@@ -60,12 +61,12 @@ impl SceneCameras {
         pictures: &TargetPictures<'_>,
         viewpoint_cameras: Vec<Camera>,
     ) -> Self {
-        let photos = match pictures.photos.as_deref() {
+        let photos = match pictures.photo_views.as_deref() {
             // Pictures may be drawn for some of the cameras only.
             Some(photos) if stored.is_empty() || !photos.is_drawn() => photos.cameras().to_vec(),
             _ => stored,
         };
-        let visibility = match &pictures.drawn {
+        let visibility = match &pictures.drawn_views {
             Some(drawn) if photos.is_empty() => drawn.cameras().to_vec(),
             None if photos.is_empty() => viewpoint_cameras,
             _ => photos.clone(),
@@ -97,6 +98,15 @@ pub(super) struct NormalSources<'a> {
 pub(super) struct FileFrame {
     pub placement: Placement,
     pub viewpoint: Option<Viewpoint>,
+}
+
+/// Source of a file's frame.
+#[derive(Clone, Copy)]
+pub(super) enum FrameSource<'a> {
+    /// Cameras and points of the scene.
+    Evidence(Evidence<'a>),
+    /// The scene of a level of detail.
+    Scene(FileFrame),
 }
 
 /// Values that levels share with their scene.

@@ -1,4 +1,4 @@
-//! What the chunk stage promises: every face once, in consecutive runs of limited size, compact.
+//! Promises of the chunk stage: every face once, in consecutive runs of limited size, compact.
 
 use super::hostile::{finite, grid, mesh_of};
 use glam::Vec3;

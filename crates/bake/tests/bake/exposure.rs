@@ -7,7 +7,7 @@ use trisplat_fixtures::phone::{TENTH_OF_A_STOP, error_of_gains, phone_sample, tr
 use trisplat_formats::{self as formats, ReadOptions};
 use trisplat_scene::report::{Report, StageDetails};
 
-/// What the stages say of the sample scene, baked with these photos as if `trained` on shares of
+/// Reports of the stages on the sample scene, baked with these photos as if `trained` on shares of
 /// their corrections.
 fn baked(photos: &Path, exposure: ExposureUse, trained: Option<[f32; 3]>) -> Report {
     let options = DatasetOptions::default();

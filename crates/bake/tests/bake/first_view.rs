@@ -1,4 +1,4 @@
-//! What one sees first of a file: its subject, from a stored viewpoint, with nothing around it.
+//! The first view of a file: its subject, from a stored viewpoint, with nothing around it.
 
 use glam::{DVec3, UVec2, Vec3};
 use trisplat_bake::{Bake, BakeOptions};

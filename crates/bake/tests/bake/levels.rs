@@ -143,7 +143,7 @@ fn a_budget_keeps_the_shell_whole() {
         4 * shell as u32,
         "without a budget it is cut in four"
     );
-    // It is placed by what is before it, so where it lies may differ a little, but not its shape.
+    // Parts before it place it, so its position may differ a little, but not its shape.
     let area = |asset: &Asset| {
         (asset.scene_faces()..asset.mesh.face_count()).map(|f| asset.mesh.area(f)).sum::<f64>()
     };

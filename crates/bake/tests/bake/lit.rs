@@ -88,12 +88,12 @@ fn dark(mesh: &Mesh) -> f64 {
 
 #[test]
 fn lit_smooth_normals_are_those_of_the_surface() {
-    // What the triangles around say.
+    // Normals of the triangles around.
     let (mesh, details, off) = angles(Lit::Smooth, &around(), None);
     assert_eq!((details.on_surface, dark(&mesh)), (0, 0.0));
     assert!(off[2000] < 5.0 && off[3960] < 15.0, "median {}, 99 % {}", off[2000], off[3960]);
     assert!(mesh.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-5));
-    // What a surface says.
+    // Normals of a surface.
     let positions: Vec<Vec3> = (0..3000).flat_map(|i| fine(i, 3000)).collect();
     let colors = Colors::Face(vec![[0.5; 3]; 3000]);
     let ball = Mesh { positions, colors, ..Mesh::default() };

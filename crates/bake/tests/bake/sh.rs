@@ -111,7 +111,7 @@ fn sh_of_a_placed_scene_shows_the_photos() {
     assert!(with > plain + 1.3, "{plain} {with}");
 }
 
-/// What a trainer of opaque triangles writes: harmonics of degree 3, and nothing to fit.
+/// The output of a trainer of opaque triangles: harmonics of degree 3, and nothing to fit.
 #[test]
 fn sh_of_a_solid_soup_without_photos_is_its_own() {
     let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];

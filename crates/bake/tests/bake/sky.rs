@@ -198,7 +198,7 @@ fn the_picture_is_a_file_beside_the_scene_or_in_a_page() {
     assert!(phone.unwrap_err().to_string().contains("`backdrop` sky"));
 }
 
-/// Whether a GLB names a panorama whose name begins like this.
+/// True if a GLB names a panorama whose name begins like this.
 fn names_sky(path: &Path, name: &str) -> bool {
     let bytes = std::fs::read(path).unwrap();
     let word = format!("\"sky\":\"{name}");

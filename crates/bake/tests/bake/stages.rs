@@ -1,4 +1,4 @@
-//! What each stage does, by example: prune, solid, color, weld, order.
+//! The stages by example: prune, solid, color, weld, order.
 
 use super::chunks::chunked;
 use super::hostile::{grid, mesh_of, random, random_triangle, soup_of};

@@ -316,7 +316,7 @@ fn from_below(mesh: &Mesh) -> (RgbImage, Vec<bool>, Vec<bool>) {
     let mut solid = SolidRasterizer::new();
     let seen = solid.visibility(mesh, &camera, &drawing);
     let shows: Vec<bool> = seen.face.iter().map(|face| *face != NO_FACE).collect();
-    // What can be reached from a corner of the picture is beside the silhouette.
+    // Pixels connected to a corner of the picture are beside the silhouette.
     let width = size.x as usize;
     let mut beside = vec![false; shows.len()];
     let mut reached = vec![0];
@@ -334,7 +334,7 @@ fn from_below(mesh: &Mesh) -> (RgbImage, Vec<bool>, Vec<bool>) {
     (SolidRasterizer::new().render(mesh, &camera, &drawing), shows, beside)
 }
 
-/// How far the codes of the pixels of a thing are from its own, of 95% of them: where two meet,
+/// Distance of the codes of the pixels of a thing from its own, of 95% of them: where two meet,
 /// each has some of the other's.
 fn off(picture: &RgbImage, shows: &[bool], grey: f32) -> u8 {
     let wants = (255.0 * trisplat_scene::math::color::srgb_from_linear(grey)).round() as u8;
@@ -344,7 +344,7 @@ fn off(picture: &RgbImage, shows: &[bool], grey: f32) -> u8 {
     off[off.len() * 95 / 100]
 }
 
-/// What no photo saw, under the ball, is closed, and has the colours around it.
+/// The area under the ball, seen by no photo, is closed and has the colours around it.
 #[test]
 fn nothing_shines_through_the_surface_from_below() {
     let (found, details) = textured_surface();

@@ -78,7 +78,7 @@ fn refit_of_a_soft_scene_improves_on_its_pictures() {
         assert!(details.pictures.unwrap() >= 16 && details.covered.unwrap() < 0.9, "{details:?}");
         assert!(details.softness.unwrap().psnr < 25.0, "{details:?}");
         assert_eq!(skipped(&report, "refit"), None);
-        // It is an object: nothing is put behind it.
+        // Nothing is put behind an object.
         assert!(skipped(&report, "backdrop").unwrap().contains("object"));
         let before = psnr(&without);
         let after = psnr(&with);
@@ -116,7 +116,7 @@ fn pictures_that_are_given_win() {
     let options = BakeOptions::default();
     Bake::new(&options).photos(&mut views).report(&mut report).run([soft(eyes)]).unwrap();
     assert!(skipped(&report, "teacher").unwrap().contains("already"));
-    // How soft it is is said all the same.
+    // The report has its softness all the same.
     assert!(report.details::<TeacherDetails>().unwrap().softness.is_some());
 }
 

@@ -111,7 +111,7 @@ fn few_triangles_show_what_many_do() {
     let after = psnr(&mesh);
     assert!(after > before + 12.0 && after > 28.0, "{before} {after}");
     assert!(details.psnr_after > details.psnr_before.map(|psnr| psnr + 12.0), "{details:?}");
-    // What else draws it has one colour for each triangle, and a fair one.
+    // Other renderers draw one fair colour for each triangle.
     assert!(mesh.drop_texture() && psnr(&mesh) > before + 2.0, "{} {before}", psnr(&mesh));
 }
 
@@ -181,7 +181,7 @@ fn auto_takes_detail_that_costs_a_little_psnr() {
     let mut views = Views::drawn(cameras(), cameras().iter().enumerate().map(photo).collect());
     let mut mesh = wall(4, |_, _| [0.4; 3]);
     let mut details = TextureDetails::default();
-    // What the scene's own colours are said to reach is more than what texels do.
+    // The report rates the scene's own colours above texels.
     let unseen = UnseenColors { colors: mesh.colors.clone(), psnr_of_own: Some(60.0) };
     let mut nobody = |_: StageEvent<'_>| Continue(());
     let mut progress = StageProgress::new(&mut nobody);

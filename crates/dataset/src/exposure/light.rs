@@ -1,7 +1,7 @@
 //! The light of photos: at points that they track, or in cells beside a drawing.
 
 use super::correction::{Rings, compared_size};
-use crate::posed::{Dataset, Point, View};
+use crate::dataset::{Dataset, Point, View};
 use glam::Vec2;
 use std::sync::Arc;
 use trisplat_scene::image::RgbImage;

@@ -313,7 +313,7 @@ fn raw_exports_of_polycam_are_read() {
     assert!(Dataset::is_posed(folder.path()));
     let files = Dataset::files(folder.path(), Path::new("images"), &Limits::DEFAULT);
     assert!(files.contains(&at("keyframes/images/view_0003.png")), "{files:?}");
-    // Where the app closed a loop.
+    // The app closed a loop here.
     std::fs::rename(at("keyframes/images"), at("keyframes/corrected_images")).unwrap();
     write("keyframes/corrected_cameras", 0.0);
     assert_read(folder.path(), 0.0);

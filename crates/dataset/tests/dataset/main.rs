@@ -300,7 +300,7 @@ fn photos_of_a_distorted_lens_become_photos_of_a_pinhole() {
         assert_eq!(undistorted.size, view.camera.size);
         let want = trisplat_synthetic::render(&view.camera).to_pixels();
         let psnr = metric::psnr(&undistorted.rgb, &want.rgb, None);
-        // What is left is the blur of resampling sharp edges; half a pixel of shift would give 22
+        // The rest is the blur of resampling sharp edges; half a pixel of shift would give 22
         // dB.
         assert!(psnr > 27.0, "{}: {psnr} dB at {}", view.name, view.camera.size);
         let bent = RgbImage::load(&view.photo.path).unwrap().downscaled(view.camera.size);

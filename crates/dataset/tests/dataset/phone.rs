@@ -27,7 +27,7 @@ fn a_phone_does_to_photos_what_its_file_says() {
         let rotation = glam::DMat3::from_quat(DQuat::from_xyzw(x, y, z, w)).as_mat3();
         assert!(exact.rotation.abs_diff_eq(rotation, 1e-6), "{}", view.name);
         assert!(exact.translation.abs_diff_eq(DVec3::from(photo.translation).as_vec3(), 1e-6));
-        // What the pose says of a thing in the middle of the scene.
+        // A thing in the middle of the scene, by the pose.
         let place = |camera: &Camera| {
             let p = camera.rotation * glam::Vec3::new(0.0, -0.5, 0.0) + camera.translation;
             p.truncate() / p.z * camera.focal + camera.center

@@ -6,7 +6,7 @@ use std::path::Path;
 use trisplat_dataset::{Dataset, DatasetOptions, Masks, View};
 use trisplat_scene::image::RgbImage;
 
-/// What `auto` does with masks that keep the pixels that `keeps` chooses.
+/// The choice of `auto` for masks that keep the pixels that `keeps` chooses.
 fn decided(keeps: impl Fn(usize, &View, Vec2) -> bool) -> Masks {
     let folder = tempfile::tempdir().unwrap();
     masked(folder.path(), keeps);
@@ -41,7 +41,7 @@ fn on_its_own(path: &Path) -> Masks {
     decided
 }
 
-/// Whether a pixel shows a ball that holds a third of the points.
+/// True if a pixel shows a ball that holds a third of the points.
 fn ball() -> impl Fn(&View, Vec2) -> bool {
     let dataset = Dataset::load(sample("dataset"), &DatasetOptions::default()).unwrap();
     let all: Vec<Vec3> = dataset.points.iter().map(|point| point.position).collect();

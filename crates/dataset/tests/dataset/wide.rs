@@ -121,7 +121,7 @@ fn views_show_what_a_pinhole_there_sees() {
             assert_eq!(have.size, view.camera.size);
             let want = trisplat_synthetic::render(&view.camera).to_pixels();
             let psnr = metric::psnr(&have.rgb, &want.rgb, None);
-            // What is left is the blur of resampling sharp edges; half a pixel of shift would give
+            // The rest is the blur of resampling sharp edges; half a pixel of shift would give
             // 22 dB.
             assert!(psnr > 24.0, "{model} {}: {psnr:.1} dB", view.name);
         }

@@ -106,7 +106,7 @@ pub(crate) struct NodeExtensions {
     pub(crate) instancing: Option<Instancing>,
 }
 
-/// Whether a node and all below it are drawn.
+/// Visibility of a node and all below it.
 #[derive(Debug, Deserialize)]
 struct Visibility {
     visible: Option<bool>,

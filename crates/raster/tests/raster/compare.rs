@@ -10,7 +10,7 @@ use trisplat_scene::{Rng, Soup, camera::Camera};
 /// Pixels nearer than this to a jump or kink of the oracle are not compared.
 pub(crate) const MARGIN: f64 = 2e-4;
 
-/// What a frame and the oracle both have, pixel by pixel: rgb, T, depth, median, normal,
+/// Values of a frame and of the oracle, pixel by pixel: rgb, T, depth, median, normal,
 /// distortion.
 pub(crate) fn frame_values(f: &Frame, i: usize) -> [f64; 10] {
     let [r, g, b] = f.rgb[i];

@@ -42,7 +42,7 @@ impl Points {
     }
 }
 
-/// What `cameras` truly see, one point every `step` pixels.
+/// The surface that `cameras` truly see, one point every `step` pixels.
 fn truth(cameras: &[Camera], step: f32) -> Vec<Vec3> {
     let mut points = Vec::new();
     for camera in cameras {

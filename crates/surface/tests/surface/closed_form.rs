@@ -26,7 +26,7 @@ pub(crate) fn made(
     (mesh, details)
 }
 
-/// How far from the cube's surface.
+/// Distance from the cube's surface.
 fn from_cube(p: Vec3) -> f32 {
     let out = (p.abs() - RADIUS).max(Vec3::ZERO).length();
     if out > 0.0 { out } else { RADIUS - p.abs().max_element() }

@@ -393,7 +393,7 @@ impl TrainBackend for GpuBackend {
         self.check()?;
         let shape = self.scene()?.shape;
         let plan = StepPlan::new(photo, rates, &self.options);
-        self.reserve(StepCapacity::of(&plan, shape.triangles, self.limits.spare_splats))?;
+        self.reserve(StepCapacity::of(&plan, shape.triangles, self.limits.near_plane_splats))?;
         let readback =
             self.spare.pop().unwrap_or_else(|| Readback::new(&self.gpu, 4 * COUNTS as u64));
         let source = self.photos.get(&self.gpu, photo);
@@ -437,7 +437,7 @@ pub(crate) fn expected_bytes(size: &RunSize, limits: &GpuLimits) -> u64 {
     let buffers = StepCapacity {
         pairs,
         binding_bytes,
-        ..StepCapacity::new(triangles, limits.spare_splats, size.photo)
+        ..StepCapacity::new(triangles, limits.near_plane_splats, size.photo)
     };
     scene + photos + buffers.bytes()
 }
@@ -455,7 +455,7 @@ mod tests {
             photo_bytes: 0,
             pairs_per_triangle: GpuLimits::PAIRS_PER_TRIANGLE,
             min_pairs: 0,
-            spare_splats: 256,
+            near_plane_splats: 256,
         };
         let photo = UVec2::new(1600, 1000);
         let size = |triangles| RunSize { triangles, sh_degree: 3, photo, photo_pixels: 0 };

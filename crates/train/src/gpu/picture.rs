@@ -68,7 +68,7 @@ impl GpuBackend {
         let shape = self.scene()?.shape;
         let plan = StepPlan::of_picture(camera, options);
         let mut needed =
-            StepCapacity::of_picture(&plan, shape.triangles, self.limits().spare_splats);
+            StepCapacity::of_picture(&plan, shape.triangles, self.limits().near_plane_splats);
         loop {
             self.reserve(needed)?;
             let counts = self.submit_picture(&plan, look, shape)?;

@@ -239,7 +239,7 @@ pub struct GpuLimits {
     pub min_pairs: u32,
     /// First capacity for triangles through the near plane, which are two splats each; a 64th of
     /// all triangles is added.
-    pub spare_splats: u32,
+    pub near_plane_splats: u32,
 }
 
 /// Memory for photos on a card of its own, bytes: about 300 of 1.6 megapixels.
@@ -267,7 +267,7 @@ impl GpuLimits {
             },
             pairs_per_triangle: Self::PAIRS_PER_TRIANGLE,
             min_pairs: 1 << 18,
-            spare_splats: GROUP,
+            near_plane_splats: GROUP,
         }
     }
 }

@@ -24,7 +24,7 @@ fn preview_of_a_run_changes_no_bit() {
     let watched = TrainInputs::new(&dataset, &options(120)).run(&mut watch).unwrap();
     assert_eq!(watched.soup, unwatched.soup);
     assert_eq!(seen.iter().map(|(step, _)| *step).collect::<Vec<_>>(), [40, 80, 120]);
-    // What was seen last is what is written, the first something else.
+    // The last scene seen is the written one, the first is another.
     let (_, last) = seen.pop().unwrap();
     assert_eq!(last, ImportedScene::from(watched));
     assert!(

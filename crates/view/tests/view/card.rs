@@ -87,7 +87,7 @@ fn asset(mesh: Mesh) -> Asset {
     Asset { mesh, chunks: vec![Chunk { first: 0, count }], ..Asset::default() }
 }
 
-/// What a pixel's ray meets first, and its linear colour. `None` is background.
+/// The first thing on a pixel's ray, and its linear colour. `None` is background.
 fn cast(mesh: &Mesh, camera: &Camera, at: Vec2) -> Option<(usize, [f64; 3])> {
     let rotation = camera.rotation.as_dmat3();
     let ray = ((at - camera.center) / camera.focal).as_dvec2().extend(1.0);

@@ -1,4 +1,4 @@
-//! What changes how a file looks: skeletons, hidden nodes, samplers, glass.
+//! Features that change the look of a file: skeletons, hidden nodes, samplers, glass.
 
 use super::files::{Builder, UNSIGNED_BYTE, mesh};
 use glam::{UVec2, Vec2, Vec3};

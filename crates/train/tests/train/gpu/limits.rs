@@ -35,7 +35,7 @@ fn photos() -> Vec<RgbImage> {
 /// Two chunks and a bit of the scene, and less than all slots: more has no use for the tests.
 const BINDING_BYTES: u64 = 160 << 10;
 
-/// What a user may train with.
+/// Options that a user may train with.
 struct Way {
     name: &'static str,
     options: SoftOptions,
@@ -95,10 +95,10 @@ fn limits_change_no_bit() {
         ahead: 0,
         photo_bytes: 0,
         pairs_per_triangle: 64,
-        spare_splats: 1000,
+        near_plane_splats: 1000,
         ..GpuLimits::of(&gpu)
     };
-    let small = GpuLimits { pairs_per_triangle: 0, min_pairs: 64, spare_splats: 0, ..plenty };
+    let small = GpuLimits { pairs_per_triangle: 0, min_pairs: 64, near_plane_splats: 0, ..plenty };
     let photo_bytes = 4 * u64::from(scene::SIZE.element_product());
     let mut backend = GpuBackend::new(gpu, SoftOptions::default(), plenty).unwrap();
     for way in ways() {

@@ -60,7 +60,7 @@ fn pictures_are_those_of_the_cpu() {
         let limits = GpuLimits {
             pairs_per_triangle: 0,
             min_pairs: 1,
-            spare_splats: 0,
+            near_plane_splats: 0,
             ..GpuLimits::of(&first)
         };
         let mut scene_on_card = gpu(limits, &soup);

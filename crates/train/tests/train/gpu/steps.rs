@@ -21,7 +21,7 @@ struct Case {
     pinned: usize,
     frozen: usize,
     masked: bool,
-    /// How far the run is, of 1.
+    /// Progress of the run, 0 to 1.
     progress: f64,
 }
 
@@ -206,7 +206,7 @@ fn a_step_is_the_cpus() {
         }
         let parts = (gpu.params.len(), gpu.pinned, gpu.frozen);
         assert_eq!(parts, (cpu.params.len(), case.pinned, case.frozen));
-        // What is frozen is left as it was, to the bit.
+        // Frozen triangles keep every bit.
         let was = scene::state(300, case.sh_degree);
         assert_eq!(gpu.params.vertices[..case.frozen], was.params.vertices[..case.frozen]);
         assert_eq!(gpu.params.sh[..case.frozen], was.params.sh[..case.frozen]);

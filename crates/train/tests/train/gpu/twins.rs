@@ -279,7 +279,7 @@ const TWINS: &[Twin] = &[
     },
 ];
 
-/// What the card makes of rows of numbers.
+/// Results of the card for rows of numbers.
 fn on_the_card(gpu: &Gpu, twin: &Twin, input: &[f32]) -> Vec<f32> {
     let ins = twin.domain.len();
     let outs = twin.outputs;

@@ -99,8 +99,8 @@ impl Dataset {
 
     /// The points that a view's photo tracks, with their indices.
     pub fn tracked(&self, view: &View) -> impl Iterator<Item = (usize, &Point)> {
-        let found = |i: &u32| Some((*i as usize, self.points.get(*i as usize)?));
-        view.tracked.iter().filter_map(found)
+        let point = |i: &u32| Some((*i as usize, self.points.get(*i as usize)?));
+        view.tracked.iter().filter_map(point)
     }
 
     /// True for the fifth of the tracked points, by index, that measures the depth error of scenes:
@@ -137,12 +137,12 @@ impl Dataset {
     }
 
     /// Use of masks for a `requested` use: `auto` as the data set decided.
-    pub fn masks(&self, asked: Masks) -> Masks {
+    pub fn masks(&self, requested: Masks) -> Masks {
         let cut = || self.views.iter().any(|view| view.photo.mask.is_some() && view.photo.is_cut());
-        match asked {
+        match requested {
             Masks::Auto if cut() => Masks::Cut,
             Masks::Auto => Masks::Ignore,
-            asked => asked,
+            requested => requested,
         }
     }
 
@@ -315,24 +315,24 @@ pub(super) fn hold_out(dataset: &mut Dataset, root: &Path, options: &DatasetOpti
             view.test = photos[&view.photo.path].is_multiple_of(options.test_every as usize);
         }
     }
-    all_held_out(dataset, root)
+    check_training_photos(dataset, root)
 }
 
 /// Holds out the photos named in `text`, one per line, with or without their file extension.
 fn by_list(dataset: &mut Dataset, list: &Path, text: &str) -> Result<()> {
-    let named: HashSet<&str> =
+    let names: HashSet<&str> =
         text.lines().map(str::trim).filter(|name| !name.is_empty()).collect();
-    let mut matched = HashSet::new();
+    let mut matched_names = HashSet::new();
     for view in &mut dataset.views {
         let photo = views::photo(&view.name);
-        let names = spellings(&view.name).into_iter().chain(spellings(&photo)).flatten();
-        let hit = names.into_iter().find_map(|name| named.get(name).copied());
+        let spellings = spellings(&view.name).into_iter().chain(spellings(&photo)).flatten();
+        let hit = spellings.into_iter().find_map(|name| names.get(name).copied());
         view.test = hit.is_some();
-        matched.extend(hit);
+        matched_names.extend(hit);
     }
-    if let Some(missing) = named.iter().filter(|name| !matched.contains(*name)).min() {
-        let count = named.len() - matched.len();
-        if matched.is_empty() {
+    if let Some(missing) = names.iter().filter(|name| !matched_names.contains(*name)).min() {
+        let count = names.len() - matched_names.len();
+        if matched_names.is_empty() {
             let reason =
                 format!("none of its {count} names is a photo of the data set (`{missing}`)");
             return Err(Error::malformed(
@@ -341,12 +341,12 @@ fn by_list(dataset: &mut Dataset, list: &Path, text: &str) -> Result<()> {
                 format!("{reason}; correct or remove the file"),
             ));
         }
-        let of = named.len();
+        let of = names.len();
         dataset.warnings.push(format!(
             "test.txt: {count} of {of} names are not photos of the data set (`{missing}`)"
         ));
     }
-    all_held_out(dataset, list)
+    check_training_photos(dataset, list)
 }
 
 /// The spellings of a name in a list: in full, without extension, without folders, or without both.
@@ -358,7 +358,7 @@ fn spellings(name: &str) -> [Option<&str>; 4] {
     [Some(name), stem, file, file_stem]
 }
 
-fn all_held_out(dataset: &Dataset, source: &Path) -> Result<()> {
+fn check_training_photos(dataset: &Dataset, source: &Path) -> Result<()> {
     if dataset.views.iter().all(|view| view.test) {
         let reason =
             "every photo is held out, none is left to train on; name fewer, or give `test_every` 0";
