@@ -110,6 +110,8 @@ pub fn run(
     if let Some(most) = job.bake.prune.max_triangles {
         job.train = TrainOptions { max_triangles: most, ..TrainOptions::default() };
     }
+    // Harmonics that are asked for are trained; those by choice come to a scene of plain colours.
+    job.train.sh_degree = job.bake.sh.sh.asked();
     job.budget = Some(args.budget);
     if let Some(steps) = args.steps {
         job.train.steps = steps;

@@ -27,7 +27,7 @@ use trisplat_scene::atomic::AtomicFolder;
 use trisplat_scene::report::{Report, stage_schema};
 use trisplat_scene::{Error, Result};
 use trisplat_surface::{CollisionDetails, SurfaceDetails};
-use trisplat_train::{TrainDetails, TrainOptions};
+use trisplat_train::{DepthsDetails, TrainDetails, TrainOptions};
 
 /// Schema to print.
 #[derive(Debug, clap::Args)]
@@ -129,6 +129,7 @@ fn report_schema() -> schemars::Schema {
         ExposureEvidence,
         TeacherDetails,
         CollisionDetails,
+        DepthsDetails,
         SurfaceDetails,
         TilesDetails,
         PruneDetails,

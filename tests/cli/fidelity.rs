@@ -379,3 +379,31 @@ fn a_soup_of_a_far_world_is_drawn_where_its_file_says() {
     }
     assert_eq!(soft(&file, &turned, &dataset), near);
 }
+
+/// A rule that decides by photos must not cost what the bake has without it.
+#[test]
+fn defaults_lose_nothing_that_their_absence_keeps() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let [scene, photos] = ["soups/trained.ply", "dataset"].map(|name| sample(name));
+    let [scene, photos] = [&scene, &photos].map(|path| path.to_str().unwrap());
+    let baked = |name: &str, change: &[&str]| {
+        let file = path(&format!("{name}.glb"));
+        succeed(&[&["bake", scene, "-o", &file, "--dataset", photos][..], change].concat());
+        let (report, _) = evaluated(&file, folder.path(), name, &[]);
+        let step = report.steps.into_iter().next_back().unwrap();
+        (step.mean.psnr, step.mean.ssim, step.beside.unwrap().unsupported)
+    };
+    let default = baked("default", &[]);
+    for (name, off) in [
+        ("sides", "sides=both"),
+        ("exposure", "exposure=off"),
+        ("refit", "refit=off"),
+        ("unseen", "keep_unseen=true"),
+    ] {
+        let without = baked(name, &["--set", off]);
+        let case = format!("{default:?}, with {off} {without:?}");
+        assert!(default.0 > without.0 - 0.1 && default.1 > without.1 - 0.003, "{case}");
+        assert!(default.2 < without.2 + 0.005, "{case}");
+    }
+}

@@ -7,6 +7,7 @@ use trisplat_job::MeshJob;
 use trisplat_scene::report::Report;
 use trisplat_surface::SurfaceOptions;
 use trisplat_synthetic::SyntheticOptions;
+use trisplat_train::DepthsDetails;
 
 const PHOTOS: SyntheticOptions = SyntheticOptions {
     views: 24,
@@ -35,10 +36,11 @@ fn photos_alone_become_a_textured_surface() {
     let asset = job.run(&mut report, &mut |_| Continue(())).unwrap().unwrap();
     asset.mesh.validate().unwrap();
     let names: Vec<&str> = report.stages.iter().map(|stage| stage.name.as_str()).collect();
-    assert!(
-        names.contains(&"train") && names.contains(&"surface") && names.contains(&"texture"),
-        "{names:?}"
-    );
+    let wanted = ["train", "depths", "surface", "texture"];
+    assert!(wanted.iter().all(|name| names.contains(name)), "{names:?}");
+    let depths = report.details::<DepthsDetails>().unwrap();
+    let photos = dataset.train().count() as u64;
+    assert!(depths.photos == photos && depths.known > 0.1, "{depths:?}");
     assert!(
         asset.mesh.texture.is_some() && asset.mesh.face_count() <= 3000,
         "{}",

@@ -64,6 +64,11 @@ impl ShDegree {
         }
     }
 
+    /// The degree that was asked for; 0 for plain colours and where photos decide.
+    pub fn asked(self) -> u8 {
+        if self == Self::Auto { 0 } else { self.max_degree() }
+    }
+
     /// The highest of them; 0 for plain colours.
     pub fn max_degree(self) -> u8 {
         self.degrees().last().copied().unwrap_or(0)

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::report::Outcome;
-use trisplat_scene::{Error, FaceSh, Result, Soup, parallel, rgb_from_sh0, sh0_from_rgb};
+use trisplat_scene::{Error, FaceSh, Result, Soup, parallel, rgb_from_sh0};
 
 /// The σ of a solid triangle: at opacity 1 its half contour is the triangle itself to 1 part in
 /// 2^10000.
@@ -272,20 +272,15 @@ pub(super) fn color_with_sh(
     details: &mut ColorDetails,
 ) -> Result<Mesh> {
     soup.truncate_sh(sh_degree);
-    let degree = soup.sh_degree;
-    if degree == 0 {
+    if soup.sh_degree == 0 {
         return color(soup, details);
     }
-    let mut coefficients = soup.sh.clone();
-    for constant in coefficients.iter_mut().step_by(soup.sh_count()) {
-        // A plain colour holds 0 to 1, its harmonics the rest.
-        *constant = constant.map(|value| value - sh0_from_rgb(rgb_from_sh0(value).clamp(0.0, 1.0)));
-    }
+    let sh = FaceSh::of_soup(&soup)?;
     let mut mesh = color(soup, details)?;
     if let Colors::Face(colors) = &mut mesh.colors {
         colors.as_flattened_mut().iter_mut().for_each(|channel| *channel = channel.min(1.0));
     }
-    Ok(Mesh { sh: Some(FaceSh::new(degree, coefficients)?), ..mesh })
+    Ok(Mesh { sh: Some(sh), ..mesh })
 }
 
 /// Turns SH degree 0 coefficients into linear channels; returns how many had to be clamped.

@@ -8,9 +8,10 @@ use std::path::Path;
 use trisplat_bake::{MeshOptions, Views, mesh};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, Content};
-use trisplat_scene::report::Report;
-use trisplat_scene::{Asset, Error, Result, Seconds};
-use trisplat_train::{TrainOptions, measure_depths};
+use trisplat_scene::camera::PhotoDepths;
+use trisplat_scene::report::{Outcome, Report};
+use trisplat_scene::{Asset, Error, ImportedScene, Result, Seconds};
+use trisplat_train::{DepthsDetails, TrainOptions, measure_depths, reconstruct_points};
 
 /// CPU time for a scene of photos alone. More gains nothing: the surface has far fewer triangles
 /// than any scene (docs/benchmarks/figures.md).
@@ -64,18 +65,17 @@ impl MeshJob {
     ///
     /// Neither scene nor photos; a texture without photos; those of [`TrainJob::run`] and
     /// [`mesh`](mesh()).
-    pub fn run(self, report: &mut Report, observer: Observer<'_>) -> Result<Option<Asset>> {
+    pub fn run(mut self, report: &mut Report, observer: Observer<'_>) -> Result<Option<Asset>> {
         self.options.validate()?;
         let are_splats = matches!(self.scene, Some(Content::Splats(_)));
         self.options.check_photos(self.photos.is_some() || are_splats)?;
         let reading = &self.dataset_options;
-        let mut views = match &self.photos {
-            Some(photos) => {
-                let depths = measure_depths(photos, reading.photo_bytes())?;
-                Some(Views::new(photos, reading).with_depths(depths))
-            }
-            None => None,
-        };
+        if let Some(photos) = &mut self.photos {
+            let first_new = photos.warnings.len();
+            reconstruct_points(photos, reading.photo_bytes())?;
+            report.warnings.extend_from_slice(&photos.warnings[first_new..]);
+        }
+        let mut pictures = None;
         let scene = match (self.scene, &self.photos) {
             (Some(Content::Scene(scene)), _) => scene,
             (Some(Content::Splats(splats)), photos) => {
@@ -84,7 +84,7 @@ impl MeshJob {
                 let solid =
                     gaussians::solid(splats, photos.as_ref(), reading, effort, report, observer)?;
                 add(solid.stage, report, observer);
-                views = views.or(solid.pictures);
+                pictures = solid.pictures;
                 solid.scene
             }
             (None, Some(photos)) => {
@@ -108,7 +108,34 @@ impl MeshJob {
                 return Err(Error::invalid("scene", "missing", "a scene, or photos of one"));
             }
         };
-        let limits = &self.dataset_options.limits;
+        let mut views = match &self.photos {
+            Some(photos) => {
+                let depths = depths_of(photos, reading, &scene, report, observer)?;
+                Some(Views::new(photos, reading).with_depths(depths))
+            }
+            None => pictures,
+        };
+        let limits = &reading.limits;
         mesh(scene, views.as_mut(), &self.options, limits, report, &mut stages(observer)).map(Some)
     }
+}
+
+/// The depths of the photos of `scene`, read with these options.
+fn depths_of(
+    photos: &Dataset,
+    reading: &DatasetOptions,
+    scene: &ImportedScene,
+    report: &mut Report,
+    observer: Observer<'_>,
+) -> Result<Vec<PhotoDepths>> {
+    let counts = |_: &Vec<PhotoDepths>| scene.counts();
+    let measure = |depths: &mut Vec<PhotoDepths>, details: &mut DepthsDetails| {
+        *depths = measure_depths(photos, reading.photo_bytes())?;
+        if depths.is_empty() {
+            return Ok(Outcome::Skipped("the photos have no tracked points"));
+        }
+        *details = DepthsDetails::new(depths);
+        Ok(Outcome::Changed(()))
+    };
+    Ok(report.stage(&mut stages(observer), Vec::new(), counts, measure)?.0)
 }

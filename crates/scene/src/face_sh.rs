@@ -1,7 +1,7 @@
 //! View-dependent colours: real spherical harmonics of every face.
 
 use crate::error::{Error, Result};
-use crate::soup::sh_count;
+use crate::soup::{Soup, rgb_from_sh0, sh_count, sh0_from_rgb};
 
 /// Largest degree of the harmonics.
 pub const MAX_SH_DEGREE: u8 = 3;
@@ -44,6 +44,20 @@ impl FaceSh {
             return Err(Error::invalid("sh coefficient", "not finite", "finite numbers"));
         }
         Ok(sh)
+    }
+
+    /// The harmonics of a soup beside its plain colours, bounded to 0 to 1.
+    ///
+    /// # Errors
+    ///
+    /// A soup of degree 0; numbers that are not finite.
+    pub fn of_soup(soup: &Soup) -> Result<Self> {
+        let mut coefficients = soup.sh.clone();
+        for constant in coefficients.iter_mut().step_by(soup.sh_count()) {
+            *constant =
+                constant.map(|value| value - sh0_from_rgb(rgb_from_sh0(value).clamp(0.0, 1.0)));
+        }
+        Self::new(soup.sh_degree, coefficients)
     }
 
     /// Faces without view dependence.

@@ -10,7 +10,7 @@ use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::{ColorMap, linear_from_srgb};
 use trisplat_scene::math::metric;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{Result, SceneNormalization, Soup, rgb_from_sh0};
+use trisplat_scene::{FaceSh, Result, SceneNormalization, Soup, rgb_from_sh0};
 
 /// Samples per pixel along each axis wherever solid drawings are compared with photos.
 pub const SOLID_SAMPLES: u32 = 4;
@@ -202,11 +202,14 @@ impl EvalScene {
         let mut soup = soup.clone();
         space.soup_to_training(&mut soup);
         let Some(samples) = solid_samples(options) else { return Self::Soft(soup) };
+        let sh = FaceSh::of_soup(&soup).ok();
         soup.truncate_sh(0);
-        let light = |sh: &[f32; 3]| sh.map(|c| linear_from_srgb(rgb_from_sh0(c)));
+        let brightest = if sh.is_some() { 1.0 } else { f32::INFINITY };
+        let light = |sh: &[f32; 3]| sh.map(|c| linear_from_srgb(rgb_from_sh0(c)).min(brightest));
         let mesh = Mesh {
             positions: soup.vertices.into_flattened(),
             colors: Colors::Face(soup.sh.iter().map(light).collect()),
+            sh,
             ..Mesh::default()
         };
         Self::Solid(

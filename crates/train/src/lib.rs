@@ -67,7 +67,7 @@ pub use recorder::{TrainEvent, TrainObserver};
 pub use schedule::{Schedule, StepParams};
 pub use shell::shell_around;
 pub use speed::measure_speed;
-pub use stereo::{measure_depths, reconstruct_points};
+pub use stereo::{DepthsDetails, measure_depths, reconstruct_points};
 pub use trained::{TrainDetails, Trained};
 pub use training::Training;
 pub use trisplat_dataset::exposure::ExposureDetails;

@@ -65,7 +65,8 @@ pub struct TrainOptions {
     #[schemars(range(min = 1, max = 1_000_000_000))]
     pub max_triangles: u64,
     /// Highest degree of the view-dependent colour, 0 to 3; it is reached one degree at a time. Soft
-    /// presets have 3.
+    /// presets have 3. Opaque scenes of more than 0 are for `bake --sh`: they shine better, and may
+    /// look worse in viewers without it.
     #[cfg_attr(feature = "cli", arg(long, value_name = "D", default_value_t = TrainOptions::default().sh_degree, value_parser = clap::value_parser!(u8).range(0..=3)))]
     #[schemars(range(max = 3))]
     pub sh_degree: u8,
@@ -227,6 +228,10 @@ pub struct SolidifyOptions {
     /// shading; steps of a 30,000-step run (TS+ 24,000).
     #[schemars(range(min = 0.0, max = 1e9))]
     pub opacity_until: f64,
+    /// Highest degree of the view-dependent colour of opaque triangles: files show it after
+    /// `bake --sh`. 0 in runs that start from a scene.
+    #[schemars(range(max = 3))]
+    pub sh_degree: u8,
 }
 
 impl Default for TrainOptions {
@@ -323,7 +328,7 @@ impl TrainOptions {
                 sh_degree: 3,
                 rates,
                 warmup,
-                solid: SolidifyOptions { opacity_from: 0.0, opacity_until: HARDENED },
+                solid: SolidifyOptions { opacity_from: 0.0, opacity_until: HARDENED, sh_degree: 0 },
                 ..base
             },
             _ => Self { rates, warmup, ..base },
@@ -356,7 +361,7 @@ const OUTDOOR: TrainOptions = TrainOptions {
         prune_weight: 0.022,
     },
     warmup: WarmupOptions { quarter_until: 12_000.0, half_until: 24_000.0 },
-    solid: SolidifyOptions { opacity_from: 5000.0, opacity_until: 24_000.0 },
+    solid: SolidifyOptions { opacity_from: 5000.0, opacity_until: 24_000.0, sh_degree: 3 },
 };
 
 const INDOOR: TrainOptions = TrainOptions {
@@ -374,7 +379,7 @@ const SOLID: TrainOptions = TrainOptions {
     sh_degree: 0,
     loss: LossOptions { dssim: 0.05, ..OUTDOOR.loss },
     densify: DensifyOptions { until: 29_000.0, relocate: 0.03, ..OUTDOOR.densify },
-    solid: SolidifyOptions { opacity_from: 6000.0, opacity_until: 20_000.0 },
+    solid: SolidifyOptions { opacity_from: 6000.0, opacity_until: 20_000.0, sh_degree: 3 },
     ..OUTDOOR
 };
 

@@ -175,15 +175,13 @@ impl<'a> Schedule<'a> {
     }
 
     /// Degrees of view-dependent colour in use: one more every thousand steps of a 30,000-step run,
-    /// none with engine shading.
+    /// those of opaque triangles with engine shading.
     pub fn sh_degree(&self, step: u64) -> u8 {
         let o = self.options;
-        if self.is_opaque(step) {
-            return 0;
-        }
         // Without a warm-up, one more every step.
         let every = if o.warmup.half_until > 0.0 { SH_EVERY } else { 0.0 };
-        u8::try_from(self.passed(step, every)).unwrap_or(u8::MAX).min(o.sh_degree)
+        let degree = u8::try_from(self.passed(step, every)).unwrap_or(u8::MAX).min(o.sh_degree);
+        if self.is_opaque(step) { degree.min(o.solid.sh_degree) } else { degree }
     }
 
     /// Times the photo is halved at this step: 2, 1 or 0.

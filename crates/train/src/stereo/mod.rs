@@ -17,5 +17,5 @@ mod propagation;
 mod sparse_points;
 
 pub(crate) use anchors::{DepthAnchors, DepthRepair};
-pub use photo_depths::measure_depths;
+pub use photo_depths::{DepthsDetails, measure_depths};
 pub use sparse_points::reconstruct_points;

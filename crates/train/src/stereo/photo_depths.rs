@@ -4,8 +4,9 @@ use super::anchors::is_usable;
 use super::gray_image::{GrayImage, gray_images};
 use super::matching::propagate_depths;
 use super::propagation::{DepthCells, SeedPoint};
-use super::reconstruct_points;
 use crate::pyramid::{MIN_PX, Pyramid};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trisplat_dataset::{Dataset, DatasetKind, Point, View};
 use trisplat_scene::Result;
 use trisplat_scene::camera::{Camera, PhotoDepths};
@@ -17,9 +18,35 @@ const MIN_CELL_SIDE: u32 = 3;
 /// Maximum number of cells of all photos: they take 10 µs each.
 const MAX_CELLS: u64 = 1_500_000;
 
-/// The depth maps of the training photos of `dataset`, in its frame, from its tracked points;
-/// empty without points. Points that measure the depth error of scenes are not used. `photo_bytes`
-/// is the memory for photos.
+/// Depths that photos agree on.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct DepthsDetails {
+    /// Photos with a depth in at least one cell.
+    pub photos: u64,
+    /// Mean share of the cells of a photo with a depth, 0 to 1.
+    pub known: f64,
+}
+
+trisplat_scene::stage!(DepthsDetails, "depths");
+
+impl DepthsDetails {
+    /// The figures of `maps`.
+    pub fn new(maps: &[PhotoDepths]) -> Self {
+        let known = |map: &PhotoDepths| {
+            let known = map.depth.iter().filter(|depth| **depth > 0.0).count();
+            known as f64 / map.depth.len().max(1) as f64
+        };
+        let shares = || maps.iter().map(known);
+        Self {
+            photos: shares().filter(|share| *share > 0.0).count() as u64,
+            known: shares().sum::<f64>() / maps.len().max(1) as f64,
+        }
+    }
+}
+
+/// The depths of the training photos of `dataset`, in its frame, from its tracked points; empty
+/// without points. Points that measure the depth error of scenes are not used. `photo_bytes` is the
+/// memory for photos.
 ///
 /// # Errors
 ///
@@ -28,9 +55,7 @@ pub fn measure_depths(dataset: &Dataset, photo_bytes: u64) -> Result<Vec<PhotoDe
     if dataset.kind == DatasetKind::Drawn {
         return Ok(Vec::new());
     }
-    let mut dataset = dataset.clone();
-    reconstruct_points(&mut dataset, photo_bytes)?;
-    let seeds = seeds(&dataset);
+    let seeds = seeds(dataset);
     if seeds.is_empty() {
         return Ok(Vec::new());
     }

@@ -53,12 +53,8 @@ impl Training<'_> {
     pub(super) fn soup(&mut self) -> Result<Soup> {
         let schedule = Schedule::new(&self.meta.options);
         let last = self.meta.step.max(1) - 1;
-        let (anneal, degree) = if self.ends_solid() {
-            (Anneal::SOLID, 0)
-        } else {
-            (schedule.anneal(last), schedule.sh_degree(last))
-        };
-        let mut soup = self.backend.params()?.to_soup(&anneal, degree);
+        let anneal = if self.ends_solid() { Anneal::SOLID } else { schedule.anneal(last) };
+        let mut soup = self.backend.params()?.to_soup(&anneal, schedule.sh_degree(last));
         self.space().soup_to_world(&mut soup);
         Ok(soup)
     }

@@ -57,7 +57,7 @@ const CASES: &[Case] = &[
     Case {
         name: "solid, at the end",
         preset: TrainPreset::Solid,
-        sh_degree: 0,
+        sh_degree: 2,
         progress: 0.99,
         ..PLAIN
     },
