@@ -4,9 +4,8 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use std::sync::OnceLock;
 use tempfile::TempDir;
-use trisplat_fixtures::{folders::copy_folder, samples};
+use trisplat_fixtures::{folders::copy_folder, samples, shared::shared};
 
 fn command(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
@@ -37,20 +36,33 @@ fn fail(folder: &Path, arguments: &[&str], needles: &[&str]) {
 
 const TRAINING: [&str; 6] = ["--steps", "240", "--max-triangles", "3000", "--min-cover", "0.05"];
 
-/// A folder with photos and a plan of three blocks, `city`; made once, copied for every test.
+/// A folder with photos and a plan of three blocks, `city`.
 fn planned() -> TempDir {
-    static MADE: OnceLock<TempDir> = OnceLock::new();
-    let made = MADE.get_or_init(|| {
-        let folder = tempfile::tempdir().unwrap();
-        samples::photos(folder.path().join("photos"), [30, 64, 800], 0);
+    let made = shared("city-planned", |folder| {
+        samples::photos(folder.join("photos"), [30, 64, 800], 0);
         succeed(
-            folder.path(),
+            folder,
             &[&["plan", "photos", "-o", "city", "--blocks", "3"], &TRAINING[..]].concat(),
         );
-        folder
     });
+    copied(&made)
+}
+
+/// The same, with all blocks trained.
+fn trained() -> TempDir {
+    let made = shared("city-trained", |folder| {
+        copy_folder(planned().path(), folder);
+        for block in 0..3 {
+            succeed(folder, &["train", "--block", &format!("city/manifest.json:{block}")]);
+        }
+    });
+    copied(&made)
+}
+
+/// A copy that a test may change.
+fn copied(made: &Path) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
-    copy_folder(made.path(), folder.path());
+    copy_folder(made, folder.path());
     folder
 }
 
@@ -112,7 +124,7 @@ fn a_plan_is_a_function_of_its_inputs() {
 
 #[test]
 fn where_the_photos_lie_changes_no_block() {
-    let folder = planned();
+    let folder = trained();
     let moved = tempfile::tempdir().unwrap();
     copy_folder(&folder.path().join("photos"), &moved.path().join("elsewhere/pictures"));
     let plan =
@@ -129,11 +141,10 @@ fn where_the_photos_lie_changes_no_block() {
     assert_eq!(one, other);
     // A block is the same file, wherever it was trained; what is made of all of them names its
     // photos.
-    for place in [&folder, &moved] {
-        (0..3)
-            .for_each(|i| drop(succeed(place.path(), &["train", "--block", &format!("city:{i}")])));
-        succeed(place.path(), &["merge", "city", "-o", "city.ply"]);
+    for block in 0..3 {
+        succeed(moved.path(), &["train", "--block", &format!("city:{block}")]);
     }
+    succeed(moved.path(), &["merge", "city", "-o", "city.ply"]);
     let files = |place: &TempDir| -> Vec<Vec<u8>> {
         blocks(&place.path().join("city")).iter().map(|path| std::fs::read(path).unwrap()).collect()
     };
@@ -146,11 +157,8 @@ fn where_the_photos_lie_changes_no_block() {
 
 #[test]
 fn tasks_that_are_killed_end_with_the_same_bytes() {
-    let folder = planned();
+    let folder = trained();
     let city = folder.path().join("city");
-    (0..3).for_each(|i| {
-        drop(succeed(folder.path(), &["train", "--block", &format!("city/manifest.json:{i}")]))
-    });
     let whole: Vec<(PathBuf, Vec<u8>)> = blocks(&city)
         .into_iter()
         .map(|path| (path.clone(), std::fs::read(path).unwrap()))
@@ -198,12 +206,10 @@ fn tasks_that_are_killed_end_with_the_same_bytes() {
 
 #[test]
 fn a_task_reads_its_own_photos_and_no_points() {
-    let folder = planned();
-    let train = |folder: &Path| succeed(folder, &["train", "--block", "city:1"]);
-    train(folder.path());
-    let result = blocks(&folder.path().join("city")).pop().unwrap();
+    let folder = trained();
+    let result = &blocks(&folder.path().join("city"))[1];
     let name = result.file_name().unwrap();
-    let trained = std::fs::read(&result).unwrap();
+    let trained = std::fs::read(result).unwrap();
     let manifest: Value =
         serde_json::from_slice(&bytes(folder.path(), "city/manifest.json")).unwrap();
     let shown: Vec<&str> = manifest["blocks"][1]["photos"]
@@ -220,7 +226,7 @@ fn a_task_reads_its_own_photos_and_no_points() {
     let others =
         others.iter().filter(|p| !shown.contains(&p.file_name().unwrap().to_str().unwrap()));
     assert!(others.map(|path| std::fs::remove_file(path).unwrap()).count() > 0);
-    train(bare.path());
+    succeed(bare.path(), &["train", "--block", "city:1"]);
     assert!(std::fs::read(bare.path().join("city").join(name)).unwrap() == trained);
 }
 
@@ -264,14 +270,13 @@ fn plan_leaves_out_blocks_that_no_photo_shows() {
 
 #[test]
 fn blocks_become_one_scene_and_one_tileset() {
-    let folder = planned();
-    let city = folder.path().join("city");
     fail(
-        folder.path(),
+        planned().path(),
         &["merge", "city", "-o", "city.ply"],
         &["3 of 3 blocks", "trisplat train --block"],
     );
-    (0..3).for_each(|i| drop(succeed(folder.path(), &["train", "--block", &format!("city:{i}")])));
+    let folder = trained();
+    let city = folder.path().join("city");
     let status = run(folder.path(), &["plan", "--status", "city"]);
     assert!(String::from_utf8_lossy(&status.stdout).contains("3 of 3 blocks done"));
     let said = succeed(folder.path(), &["merge", "city", "-o", "city.ply"]);
