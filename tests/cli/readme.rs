@@ -8,8 +8,8 @@ use checkpoints::{checkpoint, floats};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use trisplat_fixtures::checkpoints;
 use trisplat_fixtures::folders::copy_folder;
+use trisplat_fixtures::{checkpoints, samples};
 
 /// Every line of every ```sh block of the two pages, once.
 fn commands() -> Vec<String> {
@@ -27,7 +27,8 @@ fn commands() -> Vec<String> {
 fn prepare(folder: &Path) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     copy_folder(&root.join("samples/dataset"), &folder.join("samples/dataset"));
-    copy_folder(&root.join("samples/dataset"), &folder.join("photos"));
+    // Few and small, as what is made of them is judged elsewhere.
+    samples::photos(folder.join("photos"), [16, 64, 400], 0);
     std::fs::create_dir(folder.join("samples/soups")).unwrap();
     std::fs::copy(root.join("samples/soups/trained.ply"), folder.join("samples/soups/trained.ply"))
         .unwrap();
@@ -68,11 +69,8 @@ fn additions(arguments: &[&str]) -> &'static [&'static str] {
         ["bake", ..] => &["--force"],
         // Enough steps to have something to bake, in place of those that the README asks for.
         ["train", ..] => &["--force", "--steps", "60"],
-        ["mesh", "photos", ..] => &["--max-size", "96"],
         ["eval", ..] => &["--ssaa", "1"],
-        ["make", ..] => {
-            &["--force", "--steps", "200", "--max-size", "60", "--max-triangles", "500"]
-        }
+        ["make", ..] => &["--force", "--steps", "60", "--max-triangles", "500"],
         _ => &[],
     }
 }

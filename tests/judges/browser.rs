@@ -1,7 +1,7 @@
 //! Pages in a real browser: headless Chromium opens them from disk, draws them and is moved about
 //! in them.
 
-use super::{bake, have, here, runs_with, studio};
+use super::{bake, have, here, runs_with, small_studio, studio};
 use glam::{DVec3, Mat3, UVec2, Vec3};
 use serde_json::{Value, json};
 use std::f64::consts::PI;
@@ -263,7 +263,7 @@ fn mouse_fingers_keys_and_buttons_change_the_picture_at_once() {
     let Some(chromium) = chromium() else { return };
     let folder = TempDir::new().unwrap();
     let page = folder.path().join("scene.html");
-    bake(&studio(), &page, &[]);
+    bake(&small_studio(folder.path()), &page, &["--backdrop", "off"]);
     // Small pictures, as software draws every frame of a glide.
     let wide = [280, 210];
     let high = [210, 280];

@@ -49,6 +49,13 @@ fn studio() -> PathBuf {
     here("samples/soups/studio.ply")
 }
 
+/// The studio of few triangles, for pages that draw it a hundred times without a graphics card.
+fn small_studio(folder: &Path) -> PathBuf {
+    let path = folder.join("studio.ply");
+    trisplat_fixtures::samples::studio(&path, 800);
+    path
+}
+
 /// Real data that is not part of the package.
 fn shared(name: &str) -> Option<PathBuf> {
     let path = here("../shared/soups").join(name);

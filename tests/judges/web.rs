@@ -2,7 +2,7 @@
 //! words, and nothing of the network.
 
 use super::browser::{assert_seen, chromium, named};
-use super::{have, here, runs, runs_with, studio};
+use super::{have, here, runs, runs_with, small_studio, studio};
 use checkpoints::{checkpoint, floats};
 use serde_json::{Value, json};
 use std::fs;
@@ -371,6 +371,7 @@ fn the_page_bakes_what_the_program_does() {
 fn the_page_draws_what_every_input_shows_at_once() {
     let Some(chromium) = chromium().filter(|_| built()) else { return };
     let [mouse, fingers] = [(); 2].map(|()| TempDir::new().unwrap());
+    let scene = small_studio(mouse.path());
     // Small pictures, as software draws every frame of a glide.
     let [size, middle] = [[660, 280], [512, 140]];
     let inputs = [
@@ -395,8 +396,8 @@ fn the_page_draws_what_every_input_shows_at_once() {
         (json!({ "click": "fold" }), true),
     ];
     let visits = json!([
-        { "files": [studio()], "inputs": named(mouse.path(), &inputs), "size": size },
-        { "files": [studio()], "inputs": named(fingers.path(), &touches), "touch": true, "size": [280, 500] },
+        { "files": [scene], "inputs": named(mouse.path(), &inputs), "size": size },
+        { "files": [scene], "inputs": named(fingers.path(), &touches), "touch": true, "size": [280, 500] },
     ]);
     for one in in_page(&chromium, &visits) {
         assert_eq!((&one["errors"], &one["state"]), (&json!([]), &json!("ready")), "{one}");
