@@ -39,16 +39,13 @@ if [ ! -f "$patched/done" ]; then
     sed -i.old 's/BufReader::new(file\.try_clone()?)/BufReader::new(File::open(path)?)/' "$patched/pytorch-reader/src/storage.rs"
     touch "$patched/done"
 fi
-# The list of locked versions would say that it is another crate now, so it is put back.
-cp Cargo.lock "$patched/Cargo.lock"
-trap 'cp "$patched/Cargo.lock" Cargo.lock' EXIT
 
 # meshopt brings headers for WebAssembly that leave out what it does not call there; what our system's library has is named here.
 math=
 for name in floorf ceilf log2f frexpf ldexpf cosf; do math="$math -D$name=__builtin_$name"; done
 env "CC_${target//-/_}=$clang" "CXX_${target//-/_}=$clang" "AR_${target//-/_}=${AR:-ar}" \
     "CFLAGS_${target//-/_}=$math" "CXXFLAGS_${target//-/_}=$math" \
-    cargo build --config "patch.crates-io.pytorch-reader.path='$patched/pytorch-reader'" --profile "$profile" --target "$target" --no-default-features --features web --bin trisplat-web
+    cargo build --locked --config "paths=['$PWD/$patched/pytorch-reader']" --profile "$profile" --target "$target" --no-default-features --features web --bin trisplat-web
 folder=$profile
 if [ "$profile" = dev ]; then folder=debug; fi
 
