@@ -1,6 +1,5 @@
 //! Shares vertices where position and colour agree bit for bit, when that makes the file smaller.
 
-use glam::Vec3;
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -146,11 +145,6 @@ fn share(mesh: &mut Mesh) {
     mesh.positions = first.iter().map(|&corner| mesh.positions[corner as usize]).collect();
     mesh.colors = Colors::Vertex(colors);
     mesh.indices = indices;
-}
-
-/// The bits of a place: equal for corners that touch, as 0 and -0 are one place.
-pub(crate) fn place_bits(place: Vec3) -> [u32; 3] {
-    (place + 0.0).to_array().map(f32::to_bits)
 }
 
 /// The bits of a corner's position and colour.

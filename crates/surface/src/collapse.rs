@@ -5,11 +5,12 @@
 //! In: a mesh of connected faces. Out: one of fewer faces with the same kinds of attributes. A
 //! *wedge* is a vertex with the attributes of one side of a seam.
 
-use crate::connected::{first_with_key, place_bits};
+use crate::connected::first_with_key;
 use glam::{Vec2, Vec3};
 use meshopt::{SimplifyOptions, SimplifyVertex, VertexDataAdapter};
 use trisplat_scene::FaceTexture;
 use trisplat_scene::math::color::srgb_from_linear;
+use trisplat_scene::math::geometry::place_bits;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel;
 

@@ -2,11 +2,12 @@
 //! and seams do not matter to it.
 
 use crate::collapse::vertex_data;
-use crate::connected::{connected_faces, first_with_key, place_bits};
+use crate::connected::{connected_faces, first_with_key};
 use crate::fill::drop_small;
 use crate::options::SurfaceDetails;
 use crate::simplify::{TooFewTriangles, drop_unused, simplify};
 use meshopt::SimplifyOptions;
+use trisplat_scene::math::geometry::place_bits;
 use trisplat_scene::mesh::{Colors, Mesh};
 
 /// Triangles of the mesh per triangle of its collider.

@@ -4,8 +4,8 @@
 //! In: any mesh. Out: a flag for each face. Corners are shared where their positions agree bit for
 //! bit, because files repeat the vertices at seams of a texture, or all of them.
 
-use glam::Vec3;
 use rayon::prelude::*;
+use trisplat_scene::math::geometry::place_bits;
 use trisplat_scene::math::lists::Sets;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
@@ -76,11 +76,6 @@ impl Places {
         }
         Self { of_vertices, is_shared: corners.iter().map(|count| *count > 1).collect() }
     }
-}
-
-/// The bits of a place: equal for corners that touch, as 0 and -0 are one place.
-pub(super) fn place_bits(place: Vec3) -> [u32; 3] {
-    (place + 0.0).to_array().map(f32::to_bits)
 }
 
 /// The first index with the key of each index.

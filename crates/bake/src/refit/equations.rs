@@ -2,6 +2,7 @@
 
 use super::options::RefitColors;
 use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
+use trisplat_scene::math::geometry::symmetric_minors;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};
 
@@ -134,13 +135,7 @@ impl Equations {
         let b = b - other;
         let c = c - other;
         let e = e - other;
-        let m00 = d * f - e * e;
-        let m01 = c * e - b * f;
-        let m02 = b * e - c * d;
-        let m11 = a * f - c * c;
-        let m12 = b * c - a * e;
-        let m22 = a * d - b * b;
-        let per = 1.0 / (a * m00 + b * m01 + c * m02);
+        let ([m00, m01, m02, m11, m12, m22], per) = symmetric_minors([a, b, c, d, e, f]);
         let r = right.map(f64::from);
         [
             ((m00 * r[0] + m01 * r[1] + m02 * r[2]) * per) as f32,

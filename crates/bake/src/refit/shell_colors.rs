@@ -13,10 +13,10 @@
 //! after the other. Both weights were chosen on photos left out of captures (commit 5727e856).
 
 use super::equations::{ColorFit, Equations};
-use crate::weld::place_bits;
 use glam::Vec3;
 use std::collections::HashMap;
 use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
+use trisplat_scene::math::geometry::{place_bits, symmetric_minors};
 use trisplat_scene::mesh::{Colors, Mesh};
 
 /// μ: pull of the corners at a vertex towards their mean, px.
@@ -207,14 +207,8 @@ impl System {
             let d = d + own(1);
             let f = f + own(2);
             let [b, c, e] = [b, c, e].map(|between| between - FLATNESS_PX / 3.0);
-            let m00 = d * f - e * e;
-            let m01 = c * e - b * f;
-            let m02 = b * e - c * d;
-            let m11 = a * f - c * c;
-            let m12 = b * c - a * e;
-            let m22 = a * d - b * b;
-            let per = 1.0 / (a * m00 + b * m01 + c * m02);
-            [m00, m01, m02, m11, m12, m22].map(|minor| minor * per)
+            let (minors, per) = symmetric_minors([a, b, c, d, e, f]);
+            minors.map(|minor| minor * per)
         };
         self.matrices.iter().enumerate().map(block).collect()
     }

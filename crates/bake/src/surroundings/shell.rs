@@ -9,13 +9,12 @@
 use super::backdrop::BackdropWhen;
 use super::sky::close_surface;
 use crate::budget::TriangleBudget;
-use crate::weld::place_bits;
 use glam::Vec3;
 use std::collections::HashMap;
 use trisplat_raster::framing::far_shell;
 use trisplat_scene::Scene;
 use trisplat_scene::camera::Camera;
-use trisplat_scene::math::geometry::mean;
+use trisplat_scene::math::geometry::{mean, place_bits};
 use trisplat_scene::mesh::{Colors, Mesh};
 
 /// Maximum number of triangles of a shell cut into quarters: surroundings are out of focus, so more

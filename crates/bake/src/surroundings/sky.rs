@@ -9,14 +9,13 @@ use super::closed_surface::{
 };
 use super::panorama_colors::{PanoramaColors, fill};
 use crate::views::Views;
-use crate::weld::place_bits;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::collections::HashSet;
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::math::geometry::{face_count, mean};
+use trisplat_scene::math::geometry::{face_count, mean, place_bits};
 use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};

@@ -9,11 +9,11 @@
 //! their mean colour. The sum is made small by min-sum belief propagation, after Waechter et al.
 //! 2014.
 
-use crate::weld::place_bits;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use trisplat_raster::solid::{NO_FACE, Visibility};
 use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::geometry::place_bits;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
 

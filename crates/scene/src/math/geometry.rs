@@ -81,6 +81,23 @@ pub fn octasphere(subdivisions: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
 /// Sweeps over the three off-diagonal elements; each squares the error, so five suffice for f64.
 const SWEEPS: usize = 12;
 
+/// The bits of a place: equal for corners that touch, as 0 and -0 are one place.
+pub fn place_bits(place: Vec3) -> [u32; 3] {
+    (place + 0.0).to_array().map(f32::to_bits)
+}
+
+/// The minors of the symmetric matrix with the rows (a b c), (b d e) and (c e f), and the inverse of
+/// its determinant: their products are the inverse matrix, in the same order.
+pub fn symmetric_minors([a, b, c, d, e, f]: [f64; 6]) -> ([f64; 6], f64) {
+    let m00 = d * f - e * e;
+    let m01 = c * e - b * f;
+    let m02 = b * e - c * d;
+    let m11 = a * f - c * c;
+    let m12 = b * c - a * e;
+    let m22 = a * d - b * b;
+    ([m00, m01, m02, m11, m12, m22], 1.0 / (a * m00 + b * m01 + c * m02))
+}
+
 /// The weighted mean of v vᵀ.
 pub fn scatter_matrix(vectors: impl Iterator<Item = (DVec3, f64)>) -> DMat3 {
     let mut sum = DMat3::ZERO;
