@@ -11,9 +11,9 @@ use trisplat_scene::math::metric;
 
 /// Width and height of pictures, px.
 const SIDE: u32 = 144;
-/// Minimum dB of the ball's pictures: of a bake from chosen places, from listed cameras, and of a
-/// surface, which ends sharply where the ball fades. With corners that move almost three times as
-/// far they have 24.6, 28.9 and 21.4.
+/// Minimum dB of the ball's pictures: of a bake from chosen places (the ball among floaters), from
+/// listed cameras, and of a surface, which ends sharply where the ball fades. With corners that
+/// move almost three times as far they have 24.6, 28.9 and 21.4.
 const FLOORS: [f64; 3] = [25.0, 30.5, 22.0];
 
 /// Directions spread over the sphere.
@@ -124,9 +124,6 @@ fn gaussian_ball_bakes_to_a_triangle_ball_over_any_background() {
     ball(folder);
     cameras(&folder.join("held.json"), 6, 0.7);
     let bake = ["bake", "ball.ply", "--preset", "fast", "--max-triangles", "3000", "-f", "-o"];
-    run(folder, 2, &[&bake[..], &["chosen.glb"]].concat());
-    looks_like_the_ball(folder, "chosen.glb", FLOORS[0]);
-
     cameras(&folder.join("ball.cameras.json"), 24, 0.0);
     run(folder, 2, &[&bake[..], &["listed.glb", "--report", "report.json"]].concat());
     // Few steps tell as well whether threads change a bit.
