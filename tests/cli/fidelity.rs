@@ -385,7 +385,7 @@ fn a_soup_of_a_far_world_is_drawn_where_its_file_says() {
 fn defaults_lose_nothing_that_their_absence_keeps() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let [scene, photos] = ["soups/trained.ply", "dataset"].map(|name| sample(name));
+    let [scene, photos] = ["soups/trained.ply", "dataset"].map(sample);
     let [scene, photos] = [&scene, &photos].map(|path| path.to_str().unwrap());
     let baked = |name: &str, change: &[&str]| {
         let file = path(&format!("{name}.glb"));
