@@ -20,7 +20,7 @@ use trisplat_formats as formats;
 use trisplat_job::{Event, TeacherPlan, TrainBegins, TrainJob, TrainPart, TrainResult, reading};
 use trisplat_scene::layered::Layered;
 use trisplat_scene::report::{OutputReport, Report, counted};
-use trisplat_scene::{Error, ImportedScene, Result};
+use trisplat_scene::{Error, ImportedScene, Result, Soup};
 use trisplat_teacher as teacher;
 use trisplat_train::budget::{Budget, BudgetDetails, Seconds};
 use trisplat_train::{
@@ -428,15 +428,19 @@ fn rescued(error: Error, args: &TrainArgs, trained: &Trained) -> Error {
 }
 
 /// The next command: the bake of the written scene.
-fn next_command(args: &TrainArgs, solid: bool) -> String {
+fn next_command(args: &TrainArgs, soup: &Soup) -> String {
     let quoted = |path: &Path| train_args::quoted(&path.to_string_lossy());
     let photos = args
         .dataset
         .as_deref()
         .map_or(String::new(), |path| format!(" --dataset {}", quoted(path)));
-    let harden = if solid { "" } else { " --harden" };
+    let kind = match (is_solid(soup), soup.sh_degree) {
+        (false, _) => " --harden".to_owned(),
+        (true, 0) => String::new(),
+        (true, degree) => format!(" --sh {degree}"),
+    };
     let file = quoted(args.output.with_extension("glb").as_path());
-    format!("next: trisplat bake {}{photos}{harden} -o {file}", quoted(args.output.as_path()))
+    format!("next: trisplat bake {}{photos}{kind} -o {file}", quoted(args.output.as_path()))
 }
 
 /// The result of the run.
@@ -469,7 +473,7 @@ fn summary(
     trained: &Trained,
     bar: &TrainProgress,
 ) {
-    bar.line(&next_command(args, is_solid(&trained.soup)));
+    bar.line(&next_command(args, &trained.soup));
     if !is_solid(&trained.soup) {
         bar.line(
             "the scene is soft, for research; `trisplat bake --harden` makes a file of it that looks like it",

@@ -3,7 +3,7 @@
 
 use super::any_scene::AnyScene;
 use super::event::{Observer, add, stages};
-use super::gaussians::{self, TrainingEffort};
+use super::gaussians::{self, SplatTraining, TrainingEffort};
 use super::harden::{self, Hardened};
 use super::size_limit::{self, BakeStart};
 use glam::Vec3;
@@ -310,12 +310,15 @@ impl BakeJob {
         report: &mut Report,
         observer: Observer<'_>,
     ) -> Result<Scenes> {
-        let effort = TrainingEffort::of(self.options.preset, self.harden);
-        let amount = (effort, self.options.prune.max_triangles);
+        let training = SplatTraining {
+            effort: TrainingEffort::of(self.options.preset, self.harden),
+            max_triangles: self.options.prune.max_triangles,
+            sh_degree: self.options.sh.sh.asked(),
+        };
         let photos = self.photos.as_ref();
         let reading = &self.dataset_options;
         let solid =
-            gaussians::solid((self.path(), splats), photos, reading, amount, report, observer)?;
+            gaussians::solid((self.path(), splats), photos, reading, training, report, observer)?;
         add(solid.stage, report, observer);
         // Pictures of the Gaussians do not show what stands beside them.
         let pictures = solid.pictures.filter(|_| others.is_empty());

@@ -20,6 +20,9 @@ use trisplat_train::{TrainOptions, TrainPreset, shell_around};
 
 /// Share of the triangles that the training begins with; it adds the others where they are missing.
 const FIRST_SHARE: f64 = 0.5;
+/// Maximum number of triangles per Gaussian: each is one ellipse, so more gain little
+/// (docs/benchmarks/splats.md).
+const TRIANGLES_PER_SPLAT: u64 = 24;
 /// Share of the training pictures that are drawn between the photos, if there are photos.
 const SHARE_BETWEEN: f64 = 0.5;
 
@@ -43,6 +46,16 @@ pub(super) struct TrainingEffort {
     surroundings: EffortLimits,
     /// An object has fewer surfaces, and its cut-out pictures cost less.
     object: EffortLimits,
+}
+
+/// How Gaussians become triangles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct SplatTraining {
+    pub(super) effort: TrainingEffort,
+    /// Maximum number of triangles; `None`: that of the effort.
+    pub(super) max_triangles: Option<u64>,
+    /// Degree of the view-dependent colours to train.
+    pub(super) sh_degree: u8,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,10 +98,11 @@ impl TrainingEffort {
 impl EffortLimits {
     /// The training is that of photos, not that of a soft scene: the first triangles lie about
     /// right but overlap, so they must move.
-    fn training(&self, max_triangles: Option<u64>) -> TrainOptions {
+    fn training(&self, of: SplatTraining, splats: usize) -> TrainOptions {
         let preset = TrainOptions::preset(TrainPreset::Solid);
-        let max_triangles = max_triangles.unwrap_or(self.triangles);
-        TrainOptions { steps: self.steps, max_triangles, ..preset }
+        let enough = TRIANGLES_PER_SPLAT.saturating_mul(splats as u64);
+        let max_triangles = of.max_triangles.unwrap_or(self.triangles.min(enough));
+        TrainOptions { steps: self.steps, max_triangles, sh_degree: of.sh_degree, ..preset }
     }
 
     fn limited(&self, camera: &Camera) -> Camera {
@@ -100,8 +114,7 @@ impl EffortLimits {
     }
 }
 
-/// The solid scene of `splats`, read from `path`, with at most `max_triangles`. It is trained on
-/// pictures from the cameras beside the file, those of `photos`, or chosen ones; with photos, on
+/// The solid scene of `splats`, read from `path`, as `training` says. It is trained on pictures from the cameras beside the file, those of `photos`, or chosen ones; with photos, on
 /// these too.
 ///
 /// # Errors
@@ -111,11 +124,12 @@ pub(super) fn solid(
     (path, mut splats): (&Path, ImportedSplats),
     photos: Option<&Dataset>,
     how: &DatasetOptions,
-    (effort, max_triangles): (TrainingEffort, Option<u64>),
+    training: SplatTraining,
     report: &mut Report,
     observer: Observer<'_>,
 ) -> Result<Hardened> {
     let clock = Instant::now();
+    let effort = training.effort;
     if photos.is_none() && splats.cameras.is_empty() {
         // Cameras of photos look past what floats; chosen ones would show it.
         splats.remove_floaters();
@@ -149,7 +163,7 @@ pub(super) fn solid(
     };
     let surroundings = teacher.shows_surroundings();
     let work = if surroundings { effort.surroundings } else { effort.object };
-    let mut options = work.training(max_triangles);
+    let mut options = work.training(training, splats.splats.len());
     let mut first = teacher.first_triangles((options.max_triangles as f64 * FIRST_SHARE) as usize);
     if first.is_empty() {
         return Err(shows_nothing(path));
@@ -222,4 +236,24 @@ impl TrainingEffort {
 fn shows_nothing(path: &Path) -> Error {
     let wants = "photos of it (`dataset`), or its cameras in `cameras.json` beside it: nothing is seen of it from anywhere";
     Error::invalid("inputs", path.display(), wants)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_gaussians_get_few_triangles_unless_a_number_is_given() {
+        let limits = TrainingEffort::DEFAULT.object;
+        let count = |max_triangles, splats| {
+            let effort = TrainingEffort::DEFAULT;
+            let of = SplatTraining { effort, max_triangles, sh_degree: 2 };
+            let options = limits.training(of, splats);
+            assert_eq!(options.sh_degree, 2);
+            options.max_triangles
+        };
+        assert_eq!(count(None, 400), 400 * TRIANGLES_PER_SPLAT);
+        assert_eq!(count(None, 100_000), limits.triangles);
+        assert_eq!(count(Some(30_000), 400), 30_000);
+    }
 }

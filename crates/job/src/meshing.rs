@@ -1,7 +1,7 @@
 //! A surface job: from a scene, from Gaussian splats or from photos alone to one connected surface.
 
 use super::event::{Observer, add, stages};
-use super::gaussians::{self, TrainingEffort};
+use super::gaussians::{self, SplatTraining, TrainingEffort};
 use super::training::TrainJob;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -80,9 +80,10 @@ impl MeshJob {
             (Some(Content::Scene(scene)), _) => scene,
             (Some(Content::Splats(splats)), photos) => {
                 let splats = (Path::new("scene"), splats);
-                let effort = (TrainingEffort::FAST, None);
+                let effort = TrainingEffort::FAST;
+                let training = SplatTraining { effort, max_triangles: None, sh_degree: 0 };
                 let solid =
-                    gaussians::solid(splats, photos.as_ref(), reading, effort, report, observer)?;
+                    gaussians::solid(splats, photos.as_ref(), reading, training, report, observer)?;
                 add(solid.stage, report, observer);
                 pictures = solid.pictures;
                 solid.scene
