@@ -317,6 +317,14 @@ fn make_takes_the_options_of_the_bake() {
     // Another device is another training.
     let said = steps(folder.path(), "200", "d.glb", &["--backend", "cpu"]);
     assert!(!said.contains("(done before)"), "{said}");
+    // Harmonics that are asked for are trained.
+    let has_harmonics = || {
+        let scene = std::fs::read(at("work/scene.ply")).unwrap();
+        scene.windows(7).take(2000).any(|bytes| bytes == b"f_rest_")
+    };
+    assert!(!has_harmonics());
+    let said = steps(folder.path(), "200", "e.glb", &["--backend", "cpu", "--sh", "1"]);
+    assert!(!said.contains("(done before)") && has_harmonics(), "{said}");
 }
 
 /// The document of a GLB.
