@@ -4,8 +4,7 @@
 //! them, in pixels. Triangles outside every picture are kept, because nothing hides them from other
 //! views. Hidden triangles are kept when they are few: they cost little, and close gaps in other
 //! views. Where triangles share edges, a part that is seen stays whole: a closed mesh stays closed.
-//! With a budget of triangles, the visible ones are then ranked by importance (see
-//! `decimate`).
+//! With a budget of triangles, the visible ones are then ranked by importance (see `decimate`).
 
 use crate::decimate::Decimation;
 use crate::views::{self, SAMPLES, Views};
@@ -268,7 +267,8 @@ pub fn masked(
     Ok(Some(dropped))
 }
 
-/// The protected faces of `limit`, and all faces of its parts of which `min_px` are visible. `[F]`
+/// The protected faces of `limit`, and every face of a part with at least `min_px` visible pixels.
+/// `[F]`
 fn with_seen_parts(limit: &FaceLimit, visible_area: &[f32], min_px: f64) -> Vec<bool> {
     let mut protected = limit.protected.clone();
     if limit.parts.is_empty() {

@@ -114,8 +114,8 @@ impl EffortLimits {
     }
 }
 
-/// The solid scene of `splats`, read from `path`, as `training` says. It is trained on pictures from the cameras beside the file, those of `photos`, or chosen ones; with photos, on
-/// these too.
+/// The solid scene of `splats`, read from `path`, as `training` says. It is trained on pictures from
+/// the cameras beside the file, those of `photos`, or chosen ones; with photos, on these too.
 ///
 /// # Errors
 ///

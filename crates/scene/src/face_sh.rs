@@ -46,7 +46,7 @@ impl FaceSh {
         Ok(sh)
     }
 
-    /// The harmonics of a soup beside its plain colours, bounded to 0 to 1.
+    /// The harmonics of a soup. They add to its plain colours, whose channels lie between 0 and 1.
     ///
     /// # Errors
     ///

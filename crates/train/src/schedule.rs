@@ -174,8 +174,8 @@ impl<'a> Schedule<'a> {
         }
     }
 
-    /// Degrees of view-dependent colour in use: one more every thousand steps of a 30,000-step run,
-    /// those of opaque triangles with engine shading.
+    /// Degree of the view-dependent colour: one more every thousand steps of a 30,000-step run;
+    /// opaque triangles have a limit of their own.
     pub fn sh_degree(&self, step: u64) -> u8 {
         let o = self.options;
         // Without a warm-up, one more every step.

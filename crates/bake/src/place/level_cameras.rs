@@ -8,9 +8,9 @@ use trisplat_scene::math::lists::median;
 
 /// Number of directions tried before the best is refined.
 const TRIES: u64 = 512;
-/// Larger tilts of a row (sine) count as this one, because some pictures are taken upright.
 /// Passes of the refinement.
 const PASSES: usize = 12;
+/// Larger tilts of a row (sine) count as this one, because some pictures are taken upright.
 const MAX_TILT: f64 = 0.34;
 /// Minimum variance of the photos' rows along the second of their three main directions: with less,
 /// all rows are parallel, and up is any direction across them.
