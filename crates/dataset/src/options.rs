@@ -66,7 +66,11 @@ impl DatasetOptions {
     /// The options for reading a scene of these photos: colours up to `sh_degree`, with the same
     /// limits.
     pub fn read_options(&self, sh_degree: u8) -> ReadOptions {
-        ReadOptions { sh_degree, limits: self.limits, allow_outside: self.allow_outside }
+        ReadOptions {
+            limits: self.limits,
+            allow_outside: self.allow_outside,
+            ..ReadOptions::with_degree(sh_degree)
+        }
     }
 }
 

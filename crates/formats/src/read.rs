@@ -205,7 +205,8 @@ pub fn read_content(path: &Path, options: &ReadOptions) -> Result<Content> {
 pub fn read_contents(path: &Path, options: &ReadOptions) -> Result<Vec<Content>> {
     let mut source = Source::open(path, &options.limits)?;
     let format = detect(&mut source)?;
-    let mut contents = vec![read_content_as(format, source.again()?, options)?];
+    let triangles = ReadOptions { reads_splats_beside_mesh: true, ..*options };
+    let mut contents = vec![read_content_as(format, source.again()?, &triangles)?];
     source.rewind()?;
     if matches!(format, Format::Glb | Format::Gltf)
         && gltf::holds_splats_beside_mesh(&mut source, &options.limits)?

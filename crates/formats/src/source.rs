@@ -229,12 +229,19 @@ pub struct ReadOptions {
     pub limits: Limits,
     /// True when a glTF document may name files outside its folder.
     pub allow_outside: bool,
+    /// True when the caller reads Gaussians beside a mesh too: then nothing is said of them.
+    pub reads_splats_beside_mesh: bool,
 }
 
 impl ReadOptions {
     /// Spherical harmonics up to that degree, and the default limits.
     pub const fn with_degree(sh_degree: u8) -> Self {
-        Self { sh_degree, limits: Limits::DEFAULT, allow_outside: false }
+        Self {
+            sh_degree,
+            limits: Limits::DEFAULT,
+            allow_outside: false,
+            reads_splats_beside_mesh: false,
+        }
     }
 }
 

@@ -8,6 +8,7 @@ use super::material::GltfMaterial;
 use super::skin::{self, JointTransforms};
 use crate::finish::{is_far, origin_of, sampled};
 use crate::format::GLTF_EXTENSION;
+use crate::source::ReadOptions;
 use glam::{DMat4, DVec3, Vec3};
 use gltf_json::accessor::ComponentType;
 use gltf_json::mesh::{TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES};
@@ -382,7 +383,7 @@ impl<'a> MergedMesh<'a> {
     }
 
     /// The merged mesh and notes for the user.
-    pub(crate) fn finish(mut self) -> Result<(Mesh, Vec<String>)> {
+    pub(crate) fn finish(mut self, options: &ReadOptions) -> Result<(Mesh, Vec<String>)> {
         if self.faces == 0 {
             let why = self.warnings.join("; ");
             let why = if why.is_empty() { why } else { format!(" ({why})") };
@@ -391,10 +392,11 @@ impl<'a> MergedMesh<'a> {
                 format!("holds no triangles in its scene{why}; export the mesh itself"),
             ));
         }
-        if self.splats > 0 {
+        if self.splats > 0 && !options.reads_splats_beside_mesh {
+            let count = counted(self.splats, "Gaussian");
+            let are = if self.splats == 1 { "is" } else { "are" };
             self.warn(format!(
-                "{} beside the mesh: `trisplat bake` makes triangles of them too, other commands leave them out",
-                counted(self.splats, "Gaussian")
+                "{count} beside the mesh {are} left out; `trisplat bake` makes triangles of them too"
             ));
         }
         if !self.unread.is_empty() {

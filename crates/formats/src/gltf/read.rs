@@ -80,7 +80,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     if merged.faces == 0 && extensions.any(|name| name.starts_with(format::GLTF_EXTENSION)) {
         return Err(format::refusal(&path, "glTF"));
     }
-    let (mesh, warnings) = merged.finish()?;
+    let (mesh, warnings) = merged.finish(options)?;
     let provenance = Provenance { backdrop_faces, ..compose::provenance(&document.asset) };
     let loaded =
         ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };

@@ -58,7 +58,11 @@ fn mesh_and_gaussians_of_one_gltf_are_both_contents() {
     };
     assert_eq!((mesh.scene.triangle_count(), gaussians.splats.len()), (1, 1));
     assert_eq!(mesh.provenance.up, gaussians.provenance.up);
-    assert!(mesh.warnings.iter().any(|warning| warning.starts_with("1 Gaussian beside the mesh")));
+    assert!(!mesh.warnings.iter().any(|warning| warning.contains("Gaussian")), "both are read");
+    let mesh = trisplat_formats::read(&path, &ReadOptions::default()).expect("valid");
+    let says =
+        "1 Gaussian beside the mesh is left out; `trisplat bake` makes triangles of them too";
+    assert!(mesh.warnings.iter().any(|warning| warning == says), "{:?}", mesh.warnings);
     std::fs::write(&path, glb("", |_| {})).expect("a file");
     let alone = trisplat_formats::read_contents(&path, &ReadOptions::default()).expect("valid");
     assert!(matches!(alone[..], [Content::Splats(_)]));
