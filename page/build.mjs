@@ -54,8 +54,11 @@ async function page(source, name, licences) {
     banner: { js: `/*\n${licences}*/` },
     write: false,
   });
-  const style = await transform(await text(`${source}/style.css`), { loader: 'css', minify: true });
+  const rules = (await text(`${source}/style.css`)) + (await text(`${source}/tools.css`));
+  const style = await transform(rules, { loader: 'css', minify: true });
+  const tools = await text(`${source}/tools.html`);
   const filled = (await text(`${source}/index.html`))
+    .replace('@TOOLS@', () => tools.trim())
     .replace('@STYLE@', () => style.code.trim())
     .replace('@SCRIPT@', () => bundle.outputFiles[0].text.trim());
   const page = filled.replace('@POLICY@', () => policy(filled));

@@ -30,7 +30,8 @@ const three = await readFile(join(modules, 'node_modules/three/LICENSE'), 'utf8'
 const banner = { js: `/*\nThis page holds three.js (https://threejs.org), under the MIT licence:\n\n${three.trim()}\n*/` };
 const worker = await code('../../web/src/worker.js');
 const script = await code('main.js', { define: { WORKER_SCRIPT: JSON.stringify(worker) }, banner });
-const style = (await transform(await text('style.css'), { loader: 'css', minify: true })).code.trim();
+const rules = (await text('../src/tools.css')) + (await text('style.css'));
+const style = (await transform(rules, { loader: 'css', minify: true })).code.trim();
 const program = gzipSync(await readFile(wasm), { level: 9 }).toString('base64');
 
 const hash = (of) => `'sha256-${createHash('sha256').update(of).digest('base64')}'`;
@@ -44,7 +45,8 @@ const policy = [
   `base-uri 'none'`,
   `form-action 'none'`,
 ].join('; ');
-const filled = { STYLE: style, SCRIPT: script, PROGRAM: program, POLICY: policy };
+const tools = (await text('../src/tools.html')).trim();
+const filled = { STYLE: style, TOOLS: tools, SCRIPT: script, PROGRAM: program, POLICY: policy };
 const page = (await text('index.html')).replace(/@(\w+)@/g, (_, name) => filled[name]);
 await mkdir(out, { recursive: true });
 await writeFile(join(out, 'index.html'), page);

@@ -1,20 +1,23 @@
 // The page: open a scene, look at it, bake it, compare, take the files.
 import { Crop } from './crop.js';
 import { missing, run } from './program.js';
-import { Shown } from './scene.js';
+import { moved, Shown } from './scene.js';
+import { Tools } from './tools.js';
 
 const SCENES = /\.(pt|pth|ply|splat|spz|sog|glb|gltf|obj|off|html?)(\.gz)?$/i;
 const MOST_BYTES = 2 ** 30;
 /** Most pixels of a soft picture, because one thread draws it. */
 const SOFT_PIXELS = 400_000;
 const LOOK = 'look.glb';
+const LIST = 'erased.json';
 
 const at = (id) => document.getElementById(id);
 const state = (name) => (document.documentElement.dataset.state = name);
 
 let shown = null;
 let crop = null;
-/** The open scene: its files by name, the main one, and its properties. */
+let tools = null;
+/** The open scene: its files by name, the main one, its properties, and triangles of its bake that are erased, in the frame of the picture. */
 let scene = null;
 /** Ends the running work. */
 let work = null;
@@ -22,6 +25,8 @@ let work = null;
 let drawing = null;
 /** True while the picture is at rest. */
 let resting = false;
+/** True while the eraser is open. */
+let erasing = false;
 
 function say(text) {
   at('what').textContent = text;
@@ -77,10 +82,10 @@ async function open(files) {
     return;
   }
   const opened = { files: Object.fromEntries(list.map((file) => [file.name, file])), name: main.name };
-  at('up').value = 'auto';
+  chooseUp('auto');
   const look = await working(`reading ${main.name}`, async (how) => {
     const look = await lookAt(opened, {}, how);
-    scene = Object.assign(opened, { toView: look.to_view, soft: look.soft, info: look.info, up: 'auto' });
+    scene = Object.assign(opened, { toView: look.to_view, soft: look.soft, info: look.info, up: 'auto', erased: [] });
     forget();
     await shown.show('before', look.files[LOOK]);
     return look;
@@ -96,6 +101,7 @@ async function open(files) {
   at('has-soft').hidden = at('may-harden').hidden = !look.soft;
   const { splats, triangles } = look.info;
   const content = splats ? `${splats.toLocaleString('en')} splats` : `${triangles.toLocaleString('en')} triangles, ${look.soft ? 'soft' : 'solid'}`;
+  sayErased();
   choose(splats ? 'soft' : 'solid');
   say(`${scene.name}: ${content}, ${size(bytes)}`);
 }
@@ -107,18 +113,20 @@ function lookAt({ files, name }, options, how) {
 
 /** Removes the bake of an earlier scene. */
 function forget() {
+  tools.forget();
   shown.remove('after');
   at('compare').hidden = at('result').hidden = true;
   cut();
   for (const link of at('files').querySelectorAll('a')) URL.revokeObjectURL(link.href);
 }
 
-/** The chosen options of the bake. */
-function options() {
-  const asked = { target: at('target').value, up: at('up').value };
+/** The chosen options of the bake, and the list of what it erases. */
+function options(erase) {
+  const asked = { target: at('target').value, up: at('axis').value };
   if (at('triangles').value) asked.max_triangles = Number(at('triangles').value);
   if (at('no-backdrop').checked) asked.backdrop = 'off';
   if (at('crop').checked) asked.crop = [crop.region];
+  if (erase) asked.erase = { erase };
   return asked;
 }
 
@@ -126,19 +134,23 @@ async function bake() {
   const ending = at('format').value;
   const output = `${scene.name.replace(/(\.\w+)+$/, '')}${ending}`;
   const megabytes = Number(at('megabytes').value);
+  const erased = at('without').checked ? tools.erased(scene.erased) : [];
+  const list = erased.length > 0 ? { [LIST]: new TextEncoder().encode(JSON.stringify(tools.list(scene.erased))) } : {};
   const job = {
-    command: 'bake', inputs: [scene.name], output, options: options(), harden: scene.soft && at('harden').checked,
+    command: 'bake', inputs: [scene.name], output, options: options(Object.keys(list)[0]), harden: scene.soft && at('harden').checked,
     max_bytes: megabytes > 0 ? Math.round(megabytes * 1e6) : null,
   };
   const began = performance.now();
   const baked = await working('baking', async (how) => {
-    const { files, report } = await run(job, scene.files, how);
+    const { files, report } = await run(job, { ...scene.files, ...list }, how);
     // The slider compares the content of files of any format.
     const look = await lookAt({ files: { ...files }, name: output }, { up: 'y' }, { signal: how.signal });
     return { files, report, look };
   });
   if (!baked) return;
   forget();
+  scene.erased = erased;
+  sayErased();
   await shown.show('after', baked.look.files[LOOK]);
   const seconds = (performance.now() - began) / 1000;
   at('compare').hidden = false;
@@ -202,7 +214,7 @@ async function soften() {
   drawing?.abort();
   drawing = null;
   at('soft').hidden = true;
-  const wanted = resting && look() === 'soft' && scene?.soft && !work && !at('crop').checked;
+  const wanted = resting && look() === 'soft' && scene?.soft && !work && !erasing && !at('crop').checked;
   const picture = (name) => (document.documentElement.dataset.picture = name);
   picture(!resting ? 'moving' : wanted ? 'drawing' : 'resting');
   if (!wanted) return;
@@ -226,7 +238,7 @@ function softJob() {
   const [width, height] = shown.size;
   const shrink = Math.min(1, Math.sqrt(SOFT_PIXELS / (width * height)));
   return {
-    command: 'picture', input: scene.name, output: 'soft.png', view: shown.view, options: { up: at('up').value },
+    command: 'picture', input: scene.name, output: 'soft.png', view: shown.view, options: { up: at('axis').value },
     size: [width, height].map((px) => Math.max(1, Math.round(px * shrink))), background: [0x17, 0x18, 0x1a].map((code) => code / 255),
   };
 }
@@ -252,17 +264,53 @@ function cropped() {
 
 /** Turns the scene by the chosen up axis. */
 async function turn() {
-  const up = at('up').value;
+  const up = at('axis').value;
   const turned = await working('turning', async (how) => {
     const look = await lookAt(scene, { up }, how);
+    scene.erased = moved(tools.erased(scene.erased), scene.toView, look.to_view);
+    sayErased();
     forget();
     Object.assign(scene, { toView: look.to_view, up });
     await shown.show('before', look.files[LOOK]);
     cropped();
+    say(`turned: ${up === 'auto' ? 'automatic' : up} is up`);
     return true;
   });
   // The scene stands as before, unless another turn took the place of this one.
-  if (!turned && !work) at('up').value = scene.up;
+  if (!turned && !work) chooseUp(scene.up);
+  return turned;
+}
+
+/** Chooses an up direction: an axis, or one that was clicked. */
+function chooseUp(up) {
+  const axis = at('axis');
+  at('clicked').hidden = true;
+  if (![...axis.options].some(({ value }) => value === up)) Object.assign(at('clicked'), { value: up, hidden: false });
+  axis.value = up;
+}
+
+/** Turns the scene to a direction that was clicked, and bakes it again if it was baked. */
+async function turnTo(up) {
+  const isBaked = !at('result').hidden;
+  chooseUp(up);
+  if ((await turn()) && isBaked) await bake();
+}
+
+/** While the eraser is open, all of the picture is the bake. */
+function erase(on) {
+  erasing = on;
+  at('compare').hidden = on || at('result').hidden;
+  shown.split = on ? 0 : Number(at('split').value);
+  cut();
+  soften();
+}
+
+/** Offers to bake with what was erased. */
+function sayErased() {
+  const count = scene.erased.length;
+  at('has-erased').hidden = count === 0;
+  at('erased').textContent = count === 1 ? '1 erased triangle' : `${count.toLocaleString('en')} erased triangles`;
+  at('without').checked = true;
 }
 
 function bind() {
@@ -272,7 +320,7 @@ function bind() {
   at('fold').addEventListener('click', () => fold(!document.body.classList.contains('folded')));
   at('looks').addEventListener('change', changedLook);
   at('crop').addEventListener('change', cropped);
-  at('up').addEventListener('change', turn);
+  at('axis').addEventListener('change', turn);
   at('split').addEventListener('input', split);
   // Keys typed here do not move the camera.
   for (const id of ['panel', 'compare']) at(id).addEventListener('keydown', (event) => event.stopPropagation());
@@ -298,6 +346,7 @@ function begin() {
   }
   shown = new Shown(at('picture'), rested);
   crop = new Crop(at('box'), cropped);
+  tools = new Tools(shown, { element: at, scene: () => scene, turn: turnTo, bake, erasing: erase });
   bind();
   state('ready');
 }

@@ -24,6 +24,7 @@ export class Shown {
   #split = 0.5;
   #wires = false;
   #unit = 1;
+  #extras = {};
   #box = null;
   #rested = true;
   #onRest;
@@ -53,7 +54,10 @@ export class Shown {
     this.#sides[side] = scene;
     const meshes = this.#meshes(scene);
     meshes.forEach((mesh) => this.#cut(mesh, side));
-    if (side === 'before') this.#unit = boundsOf(meshes).radius;
+    if (side === 'before') {
+      this.#unit = boundsOf(meshes).radius;
+      this.#extras = asset.extras ?? {};
+    }
     this.#stage.add(scene);
     this.#stage.scale.setScalar(1 / this.#unit);
     this.#stage.updateMatrixWorld(true);
@@ -79,6 +83,22 @@ export class Shown {
     this.#meshes(scene).forEach((mesh) => (mesh.geometry.dispose(), mesh.material.dispose()));
     this.#sides[side] = null;
     this.#renderer.restart();
+  }
+
+  /** What the tools of a page work with: the picture, and the scene of a side. */
+  parts(side) {
+    const scene = this.#sides[side];
+    return { canvas: this.#canvas, renderer: this.#renderer, controls: this.#controls, scene, meshes: this.#meshes(scene) };
+  }
+
+  /** What the first scene's file says of itself. */
+  get extras() {
+    return this.#extras;
+  }
+
+  /** Size of the picture's unit in the frame of the scenes. */
+  get unit() {
+    return this.#unit;
   }
 
   #meshes(scene) {
@@ -180,6 +200,17 @@ export class Shown {
     };
     frame(last);
   }
+}
+
+/** A direction of the picture in the coordinates that `toView` comes from. */
+export function sourceOf(direction, toView) {
+  return direction.clone().transformDirection(matrix(toView).invert());
+}
+
+/** Triangles of a picture whose scene stood by `from`, where they are now that it stands by `to`. */
+export function moved(triangles, from, to) {
+  const change = matrix(to).multiply(matrix(from).invert());
+  return triangles.map((corners) => corners.map((corner) => new Vector3(...corner).applyMatrix4(change).toArray()));
 }
 
 function matrix([x, y, z, origin]) {

@@ -1,7 +1,6 @@
 // The eraser: strokes of a lasso or a brush select the triangles that are seen, which can be deleted, and the rest saved.
 import { MOUSE } from 'three';
 import { Faces } from './faces.js';
-import { withoutFaces } from './glb.js';
 
 /** Width of the brush, px. */
 const BRUSH = 24;
@@ -18,14 +17,17 @@ export class Eraser {
   #lasso = true;
   #stroke = null;
 
-  /** `page` has the parts of the page: element, canvas, renderer, scene, meshes, controls, file, extras, title. */
+  /**
+   * `page` has the parts of the page, which may change until `forget` is called: element, canvas, renderer, scene, meshes, controls, title;
+   * save(faces), which keeps the rest; list(faces), what `trisplat bake --erase` reads; and opened(on), if it wants to know.
+   */
   constructor(page) {
     this.#page = page;
     const { element, canvas } = page;
     const actions = {
       lasso: () => this.#tool(true), brush: () => this.#tool(false), delete: () => this.#delete(),
       undo: () => this.#repeat(this.#done, this.#undone, false), redo: () => this.#repeat(this.#undone, this.#done, true),
-      save: () => this.#save(), list: () => this.#list(),
+      save: () => this.#page.save(this.#faces), list: () => this.#list(),
     };
     element('erase').addEventListener('click', () => this.#open(element('eraser').hidden));
     for (const [id, act] of Object.entries(actions)) element(id).addEventListener('click', act);
@@ -44,11 +46,26 @@ export class Eraser {
 
   #open(on) {
     const { element, scene, meshes, controls } = this.#page;
-    this.#faces ??= new Faces(scene, meshes);
+    if (on) this.#faces ??= new Faces(scene, meshes);
     element('eraser').hidden = !on;
     element('erase').setAttribute('aria-pressed', on);
     controls.buttons = on ? { LEFT: null, MIDDLE: MOUSE.PAN, RIGHT: MOUSE.ROTATE } : null;
     this.#select(new Set());
+    this.#page.opened?.(on);
+  }
+
+  /** Closes the eraser, because the scene is another now. */
+  forget() {
+    if (!this.#faces) return;
+    this.#open(false);
+    this.#faces.dispose();
+    this.#faces = null;
+    this.#done.length = this.#undone.length = 0;
+  }
+
+  /** The corners of every erased triangle, in the frame of the picture. */
+  get erased() {
+    return this.#faces?.hiddenCorners ?? [];
   }
 
   #tool(lasso) {
@@ -128,21 +145,19 @@ export class Eraser {
     this.#select(on ? new Set() : faces);
   }
 
-  #save() {
-    const { file, title } = this.#page;
-    const erased = this.#faces.hidden.map(({ mesh, flags }) => ({ ...file.numbersOf(mesh), flags }));
-    download(withoutFaces(file.glb, erased), `${title}.erased.glb`);
-  }
-
   /** A list that `trisplat bake --erase` repeats. */
   #list() {
-    const { extras, title } = this.#page;
-    const list = { trisplat_erase: 1, source: extras.source, placement: extras.placement, triangles: this.#faces.hiddenCorners };
-    download(new Blob([JSON.stringify(list)], { type: 'application/json' }), `${title}.erase.json`);
+    const list = JSON.stringify(this.#page.list(this.erased));
+    download(new Blob([list], { type: 'application/json' }), `${this.#page.title}.erase.json`);
   }
 }
 
-function download(blob, name) {
+/** The list of erased triangles of a file whose asset has these extras. */
+export function eraseList({ source, placement }, triangles) {
+  return { trisplat_erase: 1, source, placement, triangles };
+}
+
+export function download(blob, name) {
   const link = Object.assign(document.createElement('a'), { download: name, href: URL.createObjectURL(blob) });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 60_000);

@@ -34,7 +34,7 @@ export class Faces {
       const marks = new Mesh(new BufferGeometry(), new MeshBasicMaterial({ color: MARK, transparent: true, opacity: 0.7, side: DoubleSide, depthWrite: false }));
       marks.geometry.setAttribute('position', geometry.attributes.position);
       marks.matrixWorld.copy(mesh.matrixWorld);
-      marks.frustumCulled = marks.matrixAutoUpdate = false;
+      marks.frustumCulled = marks.matrixAutoUpdate = marks.matrixWorldAutoUpdate = false;
       scene.add(marks);
       geometry.setIndex(new BufferAttribute(Uint32Array.from(plain), 1));
       const count = plain.length / 3;
@@ -55,6 +55,14 @@ export class Faces {
   numbered() {
     for (const { mesh, numbered } of this.#parts) numbered.visible = mesh.visible;
     return this.#numbered;
+  }
+
+  /** Frees what the numbers took of the graphics; the marks go with the scene. */
+  dispose() {
+    for (const { numbered } of this.#parts) {
+      numbered.geometry.dispose();
+      numbered.material.dispose();
+    }
   }
 
   /** Hides faces, or shows them again. */

@@ -1,13 +1,14 @@
 // The page: reads the scene while the browser reads the page, then draws whenever something moves.
 import { Vector3 } from 'three';
 import { Controls } from './controls.js';
-import { Eraser } from './eraser.js';
+import { download, Eraser, eraseList } from './eraser.js';
 import { SceneFile } from './file.js';
+import { withoutFaces } from './glb.js';
 import { Renderer } from './renderer.js';
 import { ScaleBar } from './scale.js';
 import { Sight } from './sight.js';
 import { switches } from './switches.js';
-import { Up } from './up.js';
+import { copiedOption, sourceDirection, Up } from './up.js';
 import { boundsOf, format, framed, initial, parse } from './view.js';
 
 /** A neutral ground: neither dark nor bright scenes vanish in it. */
@@ -95,9 +96,15 @@ async function open() {
     up = direction;
     controls.set({ ...controls.view, up });
     renderer.restart();
+    return `${copiedOption(sourceDirection(direction, extras.placement))} (copied): give it to trisplat bake or make.`;
   };
-  new Up({ element, canvas, controls, meshes, extras, turn });
-  new Eraser({ element, canvas, renderer, scene, meshes, controls, file, extras, title });
+  new Up({ element, canvas, controls, meshes, turn });
+  const save = ({ hidden }) => {
+    const erased = hidden.map(({ mesh, flags }) => ({ ...file.numbersOf(mesh), flags }));
+    download(withoutFaces(file.glb, erased), `${title}.erased.glb`);
+  };
+  const list = (triangles) => eraseList(extras, triangles);
+  new Eraser({ element, canvas, renderer, scene, meshes, controls, title, save, list });
   switches({ element, renderer, scene, meshes, sh, sky });
   element('loading').hidden = true;
   run(renderer, controls, sight, new ScaleBar(element('scale'), extras.placement));

@@ -31,17 +31,28 @@ export function normalOf([a, b, c], eye) {
   return normal.dot(eye.clone().sub(a)) < 0 ? normal.negate() : normal;
 }
 
-/** Asks for three points, turns the view upright, and says and copies the option. */
+/** The option of the program for an up direction, which is copied too. */
+export function copiedOption(direction) {
+  const option = `--up ${direction.toArray().map((x) => Number(x.toFixed(4)) + 0)}`;
+  navigator.clipboard?.writeText(option).catch(() => {});
+  return option;
+}
+
+/** Asks for three points, and turns the view upright. */
 export class Up {
   #points = null;
   #page;
 
-  /** `page` has element, canvas, controls, meshes, extras, turn(up). */
+  /** `page` has element, canvas, controls, meshes, and turn(up), which returns what to say of it. */
   constructor(page) {
     this.#page = page;
     page.element('up').addEventListener('click', () => this.#start());
     let from = null;
-    page.canvas.addEventListener('pointerdown', (event) => (from = [event.clientX, event.clientY]));
+    page.canvas.addEventListener('pointerdown', (event) => {
+      from = [event.clientX, event.clientY];
+      // What was said of the last three points has been read.
+      if (this.#points === null) this.#say('');
+    });
     page.canvas.addEventListener('pointerup', (event) => {
       if (from && Math.hypot(event.clientX - from[0], event.clientY - from[1]) < 4) this.#click(event);
     });
@@ -64,7 +75,7 @@ export class Up {
 
   #click(event) {
     if (this.#points === null) return;
-    const { controls, meshes, extras, turn } = this.#page;
+    const { controls, meshes, turn } = this.#page;
     const point = controls.hit(event, meshes);
     if (!point) return;
     this.#points.push(point);
@@ -79,10 +90,11 @@ export class Up {
       this.#say('These points lie on a line: click three others.');
       return;
     }
-    turn(normal);
-    const words = sourceDirection(normal, extras.placement).toArray().map((x) => Number(x.toFixed(4)) + 0);
-    const option = `--up ${words.join(',')}`;
-    navigator.clipboard?.writeText(option).catch(() => {});
-    this.#say(`${option} (copied): give it to trisplat bake or make.`);
+    this.#say(turn(normal));
+  }
+
+  /** Ends the clicks, because the scene is another now. */
+  forget() {
+    if (this.#points) this.#say('');
   }
 }

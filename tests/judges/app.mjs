@@ -1,13 +1,13 @@
 // Uses the page of the program as a person does: node app.mjs JUDGES CHROMIUM PAGE < VISITS
 //
-// VISITS is a JSON list of { files, drop, each, set, inputs, bake, folder, cancel, after, webgl, isolated, touch, screenshot, size }: files to
-// open, by a click where the picture will be or dropped there; files that cannot be read, opened one after the other; values of fields by their
-// ids; inputs of inputs.mjs, each with { seen: NAME } for pictures of before and after; whether to bake, and where downloads go; an input
-// during the bake, which is then cancelled; inputs after it; false for a browser without WebGL 2; whether a server isolates it; whether it has
-// a touch screen.
-// Prints one JSON line per visit: { errors, state, message, what, downloads, warnings, pause, paint, start, opened, baked, end }; pause: the
-// longest between two frames while it worked, ms; paint: when the page was first seen, ms; the last four: where things were then (layout). With
-// `each` it holds { each }: { errors, state, message, ... } of each of them.
+// VISITS is a JSON list of { files, drop, each, set, inputs, bake, folder, cancel, after, again, webgl, isolated, touch, screenshot, size }:
+// files to open, by a click where the picture will be or dropped there; files that cannot be read, opened one after the other; values of fields
+// by their ids; inputs of inputs.mjs, each with { seen: NAME } for pictures of before and after; whether to bake, and where downloads go; an
+// input during the bake, which is then cancelled; inputs after it; where downloads go after those; false for a browser without WebGL 2; whether
+// a server isolates it; whether it has a touch screen.
+// Prints one JSON line per visit: { errors, state, message, what, axis, floor, count, erased, downloads, again, warnings, pause, paint, start,
+// opened, baked, end }; pause: the longest between two frames while it worked, ms; paint: when the page was first seen, ms; the last four: where
+// things were then (layout). With `each` it holds { each }: { errors, state, message, ... } of each of them.
 import { readFile } from "node:fs/promises";
 import { createServer } from "node:http";
 import { basename, join, resolve } from "node:path";
@@ -169,13 +169,18 @@ async function baking(page, client, { folder, cancel }) {
   }
   await idle(page);
   const baked = await page.evaluate(layout);
+  return { baked, downloads: await download(page, folder) };
+}
+
+/** Takes the files of the last bake, and returns their names. */
+async function download(page, folder) {
   const downloads = [];
   for (const link of await page.locator("#files a").all()) {
     const [download] = await Promise.all([page.waitForEvent("download"), link.click()]);
     await download.saveAs(join(folder, download.suggestedFilename()));
     downloads.push(download.suggestedFilename());
   }
-  return { baked, downloads };
+  return downloads;
 }
 
 /** In the page: what it says. */
@@ -187,6 +192,10 @@ function said() {
     what: shown("what"),
     warnings: shown("warnings"),
     isolated: window.crossOriginIsolated,
+    axis: document.getElementById("axis").value,
+    floor: shown("floor"),
+    count: document.getElementById("count").textContent,
+    erased: shown("has-erased").trim(),
     compares: document.getElementById("compare").checkVisibility(),
     pause: Math.round(window.pause),
     paint: Math.round(performance.getEntriesByName("first-contentful-paint")[0]?.startTime ?? -1),
@@ -204,11 +213,12 @@ async function see(visit) {
   await perform(page, client, visit.inputs ?? []);
   const done = visit.bake ? await baking(page, client, visit) : { downloads: [] };
   await perform(page, client, visit.after ?? []);
+  const again = visit.again && (await download(page, visit.again));
   if (visit.screenshot) {
     await page.waitForTimeout(1500);
     await page.screenshot({ path: visit.screenshot });
   }
-  const line = { errors, ...(await page.evaluate(said)), ...done, each, start, opened, end: await page.evaluate(layout) };
+  const line = { errors, ...(await page.evaluate(said)), ...done, again, each, start, opened, end: await page.evaluate(layout) };
   await page.close();
   server?.close();
   return line;

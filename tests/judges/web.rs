@@ -1,7 +1,7 @@
 //! The program as WebAssembly, in Node and in a browser's page: the bytes of the program, its
 //! words, and nothing of the network.
 
-use super::browser::{assert_seen, chromium, named};
+use super::browser::{assert_seen, chromium, mesh, named};
 use super::{have, here, runs, runs_with, small_studio, studio};
 use checkpoints::{checkpoint, floats};
 use serde_json::{Value, json};
@@ -307,9 +307,9 @@ fn the_page_bakes_what_the_program_does() {
     fs::copy(&trained, ours.path().join("trained.ply")).unwrap();
     let visits = json!([
         { "files": [trained], "bake": true, "folder": theirs.path(), "screenshot": keep("app-bake.png"), "size": size,
-          "set": { "target": "godot", "triangles": "1000", "up": "y", "crop": true } },
+          "set": { "target": "godot", "triangles": "1000", "axis": "y", "crop": true } },
         { "files": [trained], "bake": true, "folder": isolated.path(), "isolated": true, "size": size,
-          "set": { "target": "godot", "triangles": "1000", "up": "y", "crop": true } },
+          "set": { "target": "godot", "triangles": "1000", "axis": "y", "crop": true } },
         { "files": [studio()], "inputs": [{ "click": "fold" }, look("soft")], "screenshot": keep("app-soft.png"), "size": [420, 800] },
         { "files": [studio()], "bake": true, "size": size, "cancel": { "wheel": -100, "notches": 5, "at": [520, 150] }, "folder": theirs.path(),
           "inputs": [look("soft")], "after": named(theirs.path(), &cancelled) },
@@ -422,8 +422,8 @@ fn every_look_changes_the_picture_at_once() {
         // Its box is seen before the solid scene.
         (json!({ "check": "#crop" }), true),
         (json!({ "check": "#crop", "on": false }), true),
-        (json!({ "select": ["up", "x"] }), true),
-        (json!({ "select": ["up", "auto"] }), true),
+        (json!({ "select": ["axis", "x"] }), true),
+        (json!({ "select": ["axis", "auto"] }), true),
     ];
     let sides = [
         (json!({ "range": "split", "to": 0.2 }), true),
@@ -463,6 +463,74 @@ fn assert_reachable(layout: &Value, height: f64) {
         "{layout}"
     );
     assert_eq!(layout["onButton"], json!("bake"));
+}
+
+/// The direction that is up where the floor of [`floor_and_board`] is level.
+const FLOOR_UP: &str = "0,0.8,0.6";
+
+/// An OBJ with a tilted floor, and a red board over it.
+fn floor_and_board() -> String {
+    let point = |a: f64, b: f64, height: f64| [a, 0.6 * b + 0.8 * height, 0.6 * height - 0.8 * b];
+    let quad = |a: f64, b: f64, height: f64, size: f64, color: &str| {
+        let corners = [[0.0, 0.0], [size, 0.0], [size, size], [0.0, size]];
+        let line = |[x, y, z]: [f64; 3]| format!("v {x} {y} {z} {color}\n");
+        let lines = corners.map(|[i, j]| line(point(a + i, b + j, height)));
+        format!("{}f -4 -3 -2 -1\n", lines.concat())
+    };
+    let corner = |i: u32| [f64::from(i % 10) - 5.0, f64::from(i / 10) - 5.0];
+    let cells = (0..100).map(corner).map(|[a, b]| quad(a, b, 0.0, 1.0, "0.2 0.5 0.4"));
+    cells.chain([quad(-1.0, -1.0, 1.5, 2.0, "1 0 0")]).collect()
+}
+
+/// The page turns, and erases, as the program does with the option and the list that it gives.
+#[test]
+fn page_applies_a_clicked_up_and_bakes_without_what_is_erased() {
+    let Some(chromium) = chromium().filter(|_| built()) else { return };
+    let [ours, first, again, later] = [(); 4].map(|()| TempDir::new().unwrap());
+    let at = |name: &str| ours.path().join(name);
+    fs::write(at("floor.obj"), floor_and_board()).unwrap();
+    let clicked = json!([
+        { "click": "up" }, { "single": [632, 200] }, { "single": [560, 400] },
+        { "single": [720, 420] }, { "click": "erase" }, { "click": "brush" },
+        { "stroke": [[630, 250], [670, 260]] }, { "click": "delete" }, { "press": "Control+z" },
+        { "press": "Control+y" }, { "download": "list", "to": at("list.json") },
+        { "click": "save" },
+    ]);
+    // What is erased after that is added, and turns with the scene.
+    let lasso = [[450, 320], [520, 320], [520, 390], [450, 390]];
+    let more = json!([
+        { "click": "erase" }, { "click": "lasso" }, { "stroke": lasso }, { "press": "Delete" },
+        { "download": "list", "to": at("more.json") }, { "select": ["axis", "y"] },
+        { "click": "bake" },
+    ]);
+    let all = [&clicked, &more].map(|inputs| inputs.as_array().unwrap().clone()).concat();
+    let visit = |after: Value, again: &TempDir| {
+        json!({ "files": [at("floor.obj")], "set": { "axis": "y" }, "bake": true, "size": [900, 600],
+                "folder": first.path(), "after": after, "again": again.path() })
+    };
+    let visits = json!([visit(clicked.clone(), &again), visit(json!(all), &later)]);
+    let seen = in_page(&chromium, &visits);
+    for one in &seen {
+        assert_eq!((&one["errors"], &one["state"]), (&json!([]), &json!("ready")), "{one}");
+    }
+    assert_eq!([&seen[0]["axis"], &seen[1]["axis"]], [&json!(FLOOR_UP), &json!("y")]);
+    let floor = seen[0]["floor"].as_str().unwrap();
+    assert!(floor.contains(&format!("--up {FLOOR_UP} (copied")), "{floor}");
+    let faces = |path: &Path| mesh(path).0.face_count();
+    assert_eq!(faces(&first.path().join("floor.glb")), 202);
+    let runs = [(FLOOR_UP, "list.json", &again), ("y", "more.json", &later)];
+    let left = runs.iter().zip(&seen).map(|((up, list, folder), one)| {
+        let flags = ["--force", "--up", up, "--erase", list];
+        let command = [&["bake", "floor.obj", "-o", "floor.glb"], &flags[..]].concat();
+        program(ours.path(), &command).unwrap();
+        assert_same(ours.path(), folder.path(), &one["again"]);
+        let left = faces(&at("floor.glb"));
+        let says = one["erased"].as_str().unwrap();
+        assert!(says.contains(&format!("{} erased triangles", 202 - left)), "{says}, {left} left");
+        left
+    });
+    let left: Vec<usize> = left.collect();
+    assert!(left[0] == 200 && left[1] < 197, "{left:?}");
 }
 
 #[test]
