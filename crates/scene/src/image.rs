@@ -13,6 +13,7 @@ use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
 use crate::input;
 use crate::limits::Limits;
+use ::image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use decode::{decode, header_size, is_complete};
 use glam::UVec2;
 use shrink::area_average;
@@ -249,11 +250,21 @@ impl RgbImage {
 
     /// The picture as the bytes of a PNG file.
     pub fn to_png(&self) -> Result<Vec<u8>> {
-        use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+        self.encode_png(CompressionType::default(), FilterType::default())
+    }
+
+    /// The same for numbers in place of a picture. A number says nothing of the numbers beside it,
+    /// so filters, which store differences, would only enlarge the file.
+    pub fn to_png_of_numbers(&self) -> Result<Vec<u8>> {
+        self.encode_png(CompressionType::Best, FilterType::NoFilter)
+    }
+
+    fn encode_png(&self, compression: CompressionType, filter: FilterType) -> Result<Vec<u8>> {
+        use image::{ExtendedColorType, ImageEncoder};
         let mut bytes = Cursor::new(Vec::new());
         let width = self.size.x;
         let height = self.size.y;
-        let encoder = PngEncoder::new(&mut bytes);
+        let encoder = PngEncoder::new_with_quality(&mut bytes, compression, filter);
         let written = match &self.alpha {
             None => {
                 let rgb: &[u8] = bytemuck::cast_slice(&self.rgb);
@@ -341,6 +352,21 @@ mod tests {
     pub(super) fn ramp(size: UVec2) -> RgbImage {
         let at = |i: usize| [(i * 7 % 251) as u8, (i * 13 % 241) as u8, (i * 29 % 239) as u8];
         RgbImage { size, rgb: (0..area(size)).map(at).collect(), alpha: None }
+    }
+
+    #[test]
+    fn numbers_take_fewer_bytes_without_filters() {
+        // As coefficients are: most near the code of 0, none like the one beside it.
+        let rng = crate::Rng::new(3, "numbers", 0);
+        let code = |i: usize| 128.0 + 40.0 * (rng.uniform(i as u64) - 0.5).powi(3) * 8.0;
+        let size = UVec2::new(128, 64);
+        let texel = |i: usize| [0, 1, 2].map(|c| code(3 * i + c) as u8);
+        let numbers = RgbImage { size, rgb: (0..area(size)).map(texel).collect(), alpha: None };
+        let bytes = numbers.to_png_of_numbers().unwrap();
+        let read = RgbImage::from_bytes(Path::new("numbers.png"), &bytes, &Limits::DEFAULT);
+        assert_eq!(read.unwrap(), numbers);
+        let filtered = numbers.to_png().unwrap();
+        assert!(10 * bytes.len() < 9 * filtered.len(), "{}, {}", bytes.len(), filtered.len());
     }
 
     #[test]

@@ -332,7 +332,7 @@ impl<'a> GltfContent<'a> {
         let pages = asset.mesh.texture.iter().flat_map(|texture| &texture.pages);
         let pages = pages.map(|page| page_format(page, options).bytes(page.picture()));
         let mut pictures = Vec::new();
-        for bytes in pages.chain(sh.iter().map(|sh| sh.picture.to_png())) {
+        for bytes in pages.chain(sh.iter().map(|sh| sh.picture.to_png_of_numbers())) {
             let bytes = bytes?;
             let start = bin_bytes.next_multiple_of(4);
             bin_bytes = start + bytes.len() as u64;
