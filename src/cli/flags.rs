@@ -1,6 +1,7 @@
 //! The dashes of flags. The library names options by their fields (`max_triangles`); a user types
 //! `--max-triangles`.
 
+use super::suggestions;
 use clap::builder::ValueParser;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command};
@@ -49,14 +50,16 @@ pub fn message(error: &Error, command: &Command) -> String {
     }
 }
 
-/// `text` with every field in backticks replaced by its flag in `command`. Two backticks stand for
+/// `text` with every field in backticks replaced by its flag in `command`, or its setting. Two backticks stand for
 /// a printed one.
 pub fn as_flags(text: &str, command: &Command) -> String {
     let mut parts = text.split('`').peekable();
     let mut out = parts.next().unwrap_or_default().to_owned();
     // A quoted word stands between an odd backtick and the next, if any.
     while let Some(word) = parts.next() {
-        match (parts.next(), typed(command, word)) {
+        let spelt =
+            || typed(command, word).or_else(|| suggestions::as_switch(command.get_name(), word));
+        match (parts.next(), spelt()) {
             (Some(rest), _) if word.is_empty() => out += &format!("`{rest}"),
             (Some(rest), Some(typed)) => out += &(typed + rest),
             (Some(rest), None) => out += &format!("`{word}`{rest}"),
@@ -276,6 +279,11 @@ mod tests {
         assert_eq!(
             as_flags("the key ``max_triangles``, `max_triangles`", &command()),
             "the key `max_triangles`, --max-triangles"
+        );
+        let words = "the data set it was trained on, or `force_dataset`";
+        assert_eq!(
+            as_flags(words, &command()),
+            "the data set it was trained on, or --set force_dataset=true"
         );
     }
 }

@@ -94,7 +94,9 @@ pub fn main() -> ExitCode {
         Ok(code) => code,
         Err(error) => {
             let command = flags::innermost(&program, &matches);
-            let hint = suggestions::similar_file(&error).unwrap_or_default();
+            let hint = suggestions::similar_file(&error)
+                .or_else(|| suggestions::similar_setting(&error, command.get_name()))
+                .unwrap_or_default();
             messages::print(&format!("error: {}{hint}", flags::message(&error, command)));
             ExitCode::from(signals::exit_code().unwrap_or(1))
         }

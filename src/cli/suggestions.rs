@@ -112,6 +112,31 @@ pub(super) fn similar_file(error: &trisplat_scene::Error) -> Option<String> {
     similar.min().map(|(_, other)| format!("; did you mean {}?", other.display()))
 }
 
+/// The end of the message about an unknown key of `--set` of a command, with one of a similar name.
+pub(super) fn similar_setting(error: &trisplat_scene::Error, command: &str) -> Option<String> {
+    let trisplat_scene::Error::Invalid { option, value: key, .. } = error else { return None };
+    // A known key stands before its value.
+    if option != "sets" || key.contains('=') {
+        return None;
+    }
+    let options = options_of(command)?;
+    let own = options.as_object().into_iter().flatten();
+    let names = own.flat_map(|(name, value)| match value {
+        Value::Object(group) => group.keys().collect(),
+        _ => vec![name],
+    });
+    let distance = |name: &&String| strsim::osa_distance(key, name);
+    let nearest = names.min_by_key(distance).filter(|name| near(key, name))?;
+    Some(format!("; did you mean {nearest}?"))
+}
+
+/// A switch that only `--set` of a command turns on, as it is typed.
+pub(super) fn as_switch(command: &str, field: &str) -> Option<String> {
+    let options = options_of(command)?;
+    let is_switch = options.get(field).is_some_and(Value::is_boolean);
+    is_switch.then(|| format!("--set {field}=true"))
+}
+
 // ---- The hint of an unknown flag that is a setting: `--contour 0.3` is typed `--set contour=0.3`
 
 /// `error` of the arguments `words`, with a hint if an unknown flag is a key of `--set`.

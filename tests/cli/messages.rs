@@ -390,6 +390,27 @@ fn a_mistyped_file_names_the_near_one_and_system_folders_refuse() {
     }
 }
 
+/// Each was typed by somebody who meant something else.
+#[test]
+fn mistakes_of_the_first_minutes_name_the_way_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene.ply");
+    std::fs::copy(sample("studio.ply"), &scene).unwrap();
+    let list = folder.path().join("list.txt");
+    std::fs::write(&list, "the red ones").unwrap();
+    let out = folder.path().join("a.glb");
+    let says = |args: &[&dyn AsRef<std::ffi::OsStr>], text: &str| {
+        let error = fails_of(&[args, &[&"-o", &out]].concat());
+        assert!(error.contains(text), "{error}");
+    };
+    says(&[&"make", &scene], "is no photo and no video; `trisplat bake` makes");
+    says(&[&"bake", &scene, &"--set", &"min_opacty=0.1"], "; did you mean min_opacity?");
+    says(&[&"bake", &"https://example.com/a.ply"], "is an address; download the file");
+    let error = fails_of(&[&"bake", &scene, &"-o", &out, &"--erase", &list]);
+    assert_eq!(error.lines().count(), 1, "before any work: {error}");
+    assert!(error.contains("is no list of erased triangles"), "{error}");
+}
+
 #[test]
 fn gaussians_are_validated_by_their_own_reader() {
     let folder = tempfile::tempdir().unwrap();

@@ -40,6 +40,15 @@ pub struct EraseOptions {
 impl EraseOptions {
     /// Erases nothing.
     pub const DEFAULT: Self = Self { erase: None };
+
+    /// Reads the list, so that one that cannot be read ends a bake before its work begins.
+    ///
+    /// # Errors
+    ///
+    /// A file that is no list.
+    pub(crate) fn validate(&self) -> Result<()> {
+        self.erase.as_deref().map_or(Ok(()), |path| EraseFile::read(path).map(drop))
+    }
 }
 
 /// Triangles that were erased.
@@ -67,21 +76,10 @@ struct EraseFile {
     triangles: Vec<[Vec3; 3]>,
 }
 
-/// Triangles of an earlier version, in the frame of the scene.
-pub(crate) struct EraseList {
-    path: PathBuf,
-    triangles: Vec<[Vec3; 3]>,
-}
-
-impl EraseList {
-    /// Reads a list for the scene of `provenance`.
-    ///
-    /// # Errors
-    ///
-    /// A file that is no list, and a list of another scene.
-    pub(crate) fn read(path: &Path, provenance: &Provenance) -> Result<Self> {
+impl EraseFile {
+    fn read(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(|e| Error::unread(path, e))?;
-        let list: EraseFile = serde_json::from_reader(BufReader::new(file)).map_err(|e| {
+        let list: Self = serde_json::from_reader(BufReader::new(file)).map_err(|e| {
             let at = format!("line {}", e.line());
             Error::malformed(
                 path,
@@ -93,6 +91,24 @@ impl EraseList {
             let reason = "lists no triangle in a format that this version knows; save the list again from the page";
             return Err(Error::unsupported(path, reason));
         }
+        Ok(list)
+    }
+}
+
+/// Triangles of an earlier version, in the frame of the scene.
+pub(crate) struct EraseList {
+    path: PathBuf,
+    triangles: Vec<[Vec3; 3]>,
+}
+
+impl EraseList {
+    /// Reads a list for the scene of `provenance`.
+    ///
+    /// # Errors
+    ///
+    /// As [`EraseOptions::validate`]; a list of another scene.
+    pub(crate) fn read(path: &Path, provenance: &Provenance) -> Result<Self> {
+        let list = EraseFile::read(path)?;
         if let (Some(listed), Some(source)) = (&list.source, &provenance.source)
             && listed != source
         {

@@ -242,6 +242,7 @@ impl BakeOptions {
     /// Checks the ranges that need no scene; stages check the rest.
     pub fn validate(&self) -> Result<()> {
         self.lod.validate()?;
+        self.erase.validate()?;
         ranges::check(self, OptionNaming::Flag)?;
         ranges::check_finite("max_error", self.unseen.max_error)?;
         if self.tiles.tiles && !self.lod.lod.is_empty() {

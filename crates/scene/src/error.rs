@@ -180,12 +180,16 @@ impl Error {
 
     /// Wraps an error of the operating system about an input, which may not exist.
     pub fn unread(path: impl AsRef<Path>, source: std::io::Error) -> Self {
-        match source.kind() {
-            std::io::ErrorKind::NotFound => {
-                Self::io(path, std::io::Error::new(source.kind(), "does not exist"))
+        let path = path.as_ref();
+        let is_address = ["http:", "https:"].iter().any(|scheme| path.starts_with(scheme));
+        let why = match source.kind() {
+            std::io::ErrorKind::NotFound if is_address => {
+                "is an address; download the file, and give its name"
             }
-            _ => Self::io(path, source),
-        }
+            std::io::ErrorKind::NotFound => "does not exist",
+            _ => return Self::io(path, source),
+        };
+        Self::io(path, std::io::Error::new(source.kind(), why))
     }
 
     /// Wraps an error of the operating system about a temporary file.

@@ -41,6 +41,22 @@ pub(super) struct SourcePhoto {
     pub(super) is_heic: bool,
 }
 
+/// Endings of scenes, which have no photos to find poses of.
+const SCENE_ENDINGS: [&str; 10] =
+    ["ply", "splat", "spz", "sog", "glb", "gltf", "obj", "off", "pt", "html"];
+
+/// Why a file is not taken, and what to do with it.
+fn reason_to_refuse(input: &Path) -> &'static str {
+    let ending = input.extension().unwrap_or_default().to_ascii_lowercase();
+    if ending == "zip" {
+        "is a zip archive; unpack it, and give the folder"
+    } else if SCENE_ENDINGS.iter().any(|scene| ending == *scene) {
+        "is no photo and no video; `trisplat bake` makes a file for an engine of a scene"
+    } else {
+        "is no photo and no video; give JPEG, HEIC, PNG, WebP, TIFF, MP4 or MOV files, or a folder of them"
+    }
+}
+
 impl CaptureSources {
     /// Finds the photos and videos in `inputs`, which are files or folders.
     ///
@@ -57,15 +73,7 @@ impl CaptureSources {
                 false if !meta.is_file() => input::open(input, &Limits::DEFAULT).map(drop)?,
                 false => {
                     if !found.add(input, safe_name(&file_name(input)))? {
-                        let is_zip = input
-                            .extension()
-                            .is_some_and(|ending| ending.eq_ignore_ascii_case("zip"));
-                        let reason = if is_zip {
-                            "is a zip archive; unpack it, and give the folder"
-                        } else {
-                            "is no photo and no video; give JPEG, HEIC, PNG, WebP, TIFF, MP4 or MOV files, or a folder of them"
-                        };
-                        return Err(Error::unsupported(input, reason));
+                        return Err(Error::unsupported(input, reason_to_refuse(input)));
                     }
                 }
             }
