@@ -4,6 +4,7 @@ import { Controls } from './controls.js';
 import { download, Eraser, eraseList } from './eraser.js';
 import { SceneFile } from './file.js';
 import { withoutFaces } from './glb.js';
+import { light } from './light.js';
 import { Renderer } from './renderer.js';
 import { ScaleBar } from './scale.js';
 import { Sight } from './sight.js';
@@ -49,6 +50,7 @@ async function open() {
   const { scene, meshes, sh, extras, sky } = await file.meshes();
   const viewpoint = extras.viewpoint ?? null;
   const bounds = boundsOf(meshes);
+  light(scene, meshes);
   renderer.show(scene, sky);
   renderer.resize();
   renderer.camera.far = 1e3 * bounds.reach;

@@ -411,6 +411,26 @@ fn mistakes_of_the_first_minutes_name_the_way_on() {
     assert!(error.contains("is no list of erased triangles"), "{error}");
 }
 
+/// Drawn as it is, such a mesh is an outline.
+#[test]
+fn a_mesh_of_plain_colours_is_told_of_light() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("a.mtl"), "newmtl red\nKd 0.7 0 0\n").unwrap();
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    std::fs::write(at("a.obj"), format!("mtllib a.mtl\n{corners}usemtl red\nf 1 2 3\n")).unwrap();
+    let colored = corners.replace('\n', " 1 0 0\n");
+    std::fs::write(at("b.obj"), format!("{colored}f 1 2 3\n")).unwrap();
+    let bake = |input: &str, out: &str| {
+        let output = trisplat(&[&"bake", &at(input), &"-o", &at(out)]);
+        assert!(output.status.success());
+        stderr(&output).contains("`trisplat bake --lit` lets light fall on it")
+    };
+    assert_eq!([bake("a.obj", "a.glb"), bake("b.obj", "b.glb")], [true, false]);
+    // Its file says that its colours are shown as they are.
+    assert!(!bake("a.glb", "again.glb"));
+}
+
 #[test]
 fn gaussians_are_validated_by_their_own_reader() {
     let folder = tempfile::tempdir().unwrap();

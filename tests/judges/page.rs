@@ -74,6 +74,29 @@ fn page_switches_wires_shine_and_surroundings() {
     assert!(picture("0-before.png") == picture("5-again.png"), "switched back");
 }
 
+/// With `--lit` the ball has shades; without, it is a red disc.
+#[test]
+fn page_of_a_mesh_shows_its_shape_by_light() {
+    let Some(chromium) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let scene = folder.path().join("ball.obj");
+    fs::write(&scene, ball_and_crumb()).unwrap();
+    let reds = [&["--up", "y"][..], &["--up", "y", "--lit=flat"]].map(|flags| {
+        let [page, shot] = ["ball.html", "ball.png"].map(|name| folder.path().join(name));
+        bake(&scene, &page, &[flags, &["--force"]].concat());
+        let steps = json!([{ "show": "#eye=1,1,4&target=0,0,0", "screenshot": shot }]);
+        let pages = json!([{ "page": page, "fragment": "#bare&ssaa=1", "size": [300, 200], "steps": steps }]);
+        assert_eq!(visit(&chromium, &pages)[0]["errors"], json!([]));
+        let picture = RgbImage::load(&shot).unwrap();
+        let is_red = |[r, g, b]: &[u8; 3]| *r > 40 && *g < 20 && *b < 20;
+        let shades: std::collections::BTreeSet<u8> =
+            picture.rgb.iter().filter(|rgb| is_red(rgb)).map(|[r, ..]| *r).collect();
+        shades
+    });
+    assert_eq!(reds[0].len(), 1, "{reds:?}");
+    assert!(reds[1].len() > 20 && reds[1].last() > Some(&220), "{reds:?}");
+}
+
 #[test]
 fn page_up_of_three_clicks_is_that_of_the_source() {
     let Some(chromium) = chromium() else { return };

@@ -328,6 +328,7 @@ fn front(mesh: &Mesh, placement: &Placement, cameras: &[Camera]) -> Option<f64> 
         corners: &corners,
         is_single_sided: &is_single_sided,
         count,
+        is_surface: false,
         cameras: &cameras,
         up,
         enclosure_distance: &|_| f32::INFINITY,

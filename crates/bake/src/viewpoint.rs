@@ -25,10 +25,12 @@ pub struct ViewpointDetails {
 trisplat_scene::stage!(ViewpointDetails, "viewpoint");
 
 /// Chooses the viewpoint of `asset`, which is placed with +y up. `cameras` are those of photos in
-/// its frame. Without any, the input's viewpoint is kept.
+/// its frame. Without any, the input's viewpoint is kept. `is_surface`: of a mesh that was no
+/// trained scene.
 pub(crate) fn viewpoint(
     asset: &mut Asset,
     cameras: &[Camera],
+    is_surface: bool,
     details: &mut ViewpointDetails,
 ) -> Outcome<()> {
     if cameras.is_empty() && asset.provenance.viewpoint.is_some() {
@@ -45,6 +47,7 @@ pub(crate) fn viewpoint(
         corners: &corners,
         is_single_sided: &is_single_sided,
         count: faces,
+        is_surface: is_surface && cameras.is_empty(),
         cameras,
         up: Vec3::Y,
         enclosure_distance: &room,
@@ -83,14 +86,14 @@ mod tests {
     fn it_is_inside_the_backdrop_and_found_once() {
         let mut asset = spheres();
         let mut details = ViewpointDetails::default();
-        assert_eq!(viewpoint(&mut asset, &[], &mut details), Outcome::Changed(()));
+        assert_eq!(viewpoint(&mut asset, &[], false, &mut details), Outcome::Changed(()));
         let chosen = asset.provenance.viewpoint.expect("it was chosen");
         assert!(Vec3::from(chosen.eye.map(|x| x as f32)).length() < 3.0, "{chosen:?}");
         assert!(
             details.photo.is_none() && details.filled.is_some_and(|share| share > 0.1),
             "{details:?}"
         );
-        let again = viewpoint(&mut asset, &[], &mut ViewpointDetails::default());
+        let again = viewpoint(&mut asset, &[], false, &mut ViewpointDetails::default());
         assert!(matches!(again, Outcome::Skipped(_)));
         assert_eq!(asset.provenance.viewpoint, Some(chosen));
     }
@@ -107,12 +110,12 @@ mod tests {
         };
         let mut asset = spheres();
         asset.provenance.viewpoint = Some(stored);
-        viewpoint(&mut asset, &[], &mut ViewpointDetails::default());
+        viewpoint(&mut asset, &[], false, &mut ViewpointDetails::default());
         assert_eq!(asset.provenance.viewpoint, Some(stored));
         let size = glam::UVec2::splat(100);
         let camera =
             stored.camera(size).with_look_at(Vec3::new(0.5, 1.0, 2.5), Vec3::ZERO, Vec3::Y);
-        viewpoint(&mut asset, &[camera], &mut ViewpointDetails::default());
+        viewpoint(&mut asset, &[camera], false, &mut ViewpointDetails::default());
         assert_ne!(asset.provenance.viewpoint, Some(stored));
     }
 }

@@ -1,6 +1,7 @@
 //! The materials of an OBJ: the pictures or colours of its faces.
 
 use crate::faces::mean;
+use crate::finish::PLAIN_COLOR;
 use crate::lines::{LineReader, as_utf8};
 use crate::{ReadOptions, Source};
 use glam::Vec2;
@@ -148,6 +149,7 @@ impl Materials {
         } else {
             vec![[1.0f32; 3]; mesh.face_count()]
         };
+        let mut has_plain_color = false;
         let mut end = 0;
         for run in self.of_face.chunk_by(|a, b| a == b) {
             let faces = end..end + run.len();
@@ -160,7 +162,10 @@ impl Materials {
             if !is_colored {
                 colors[faces.clone()].fill(light);
             }
-            let Some(stored) = picture_of else { continue };
+            let Some(stored) = picture_of else {
+                has_plain_color |= !is_colored;
+                continue;
+            };
             let image = textures.number(path, &stored.name, options);
             let texture = textures.textures.entry(image).or_insert_with(|| {
                 let read = if uvs.is_empty() {
@@ -192,6 +197,7 @@ impl Materials {
             mesh.colors = Colors::Face(colors);
         }
         warnings.extend(paint(mesh, painted, &textures.textures));
+        warnings.extend(has_plain_color.then(|| PLAIN_COLOR.to_owned()));
         true
     }
 

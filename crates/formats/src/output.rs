@@ -79,7 +79,6 @@ impl OutputOptions {
         let (web, _) = OutputTarget::Web.encoding(self.compress);
         GltfOptions {
             meshopt: true,
-            lit: false,
             texture: self.texture_format,
             allow_huge: self.allow_huge,
             ..web

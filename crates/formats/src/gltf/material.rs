@@ -102,6 +102,11 @@ impl GltfMaterial {
         names.filter(|name| !INSIDE_GLASS.contains(name))
     }
 
+    /// True when its colours are shown as they are, without light.
+    pub(crate) fn is_unlit(&self) -> bool {
+        self.extensions.unlit
+    }
+
     /// True when alpha is ignored.
     pub(crate) fn is_opaque(&self) -> bool {
         !matches!(self.alpha_mode, Some(Checked::Valid(AlphaMode::Mask | AlphaMode::Blend)))

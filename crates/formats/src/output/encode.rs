@@ -242,10 +242,6 @@ impl Output {
                 let title =
                     path.file_stem().filter(|name| *name != "-").unwrap_or("trisplat".as_ref());
                 let encoding = options.page_encoding(details);
-                if !asset.mesh.normals.is_empty() {
-                    let unlit = "html: the page shows colours as they are; `lit` is for files that engines read";
-                    details.notes.get_or_insert_default().push(unlit.into());
-                }
                 let format = options.texture_format;
                 let sky = asset.sky().map(|sky| format.bytes(sky)).transpose()?;
                 let sky = sky.map(|bytes| (format.media_type(), bytes));

@@ -48,6 +48,7 @@ impl<'a> SceneEnclosure<'a> {
             corners: &corners,
             is_single_sided: &is_single_sided,
             count,
+            is_surface: false,
             cameras,
             up,
             enclosure_distance: &enclosure_distance,

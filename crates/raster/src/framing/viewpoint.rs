@@ -44,6 +44,9 @@ pub struct ViewpointInput<'a> {
     pub is_single_sided: &'a dyn Fn(usize) -> bool,
     /// Number of triangles, without the far shell.
     pub count: usize,
+    /// True for a surface whose triangles are not smaller where more is to be seen, as those of a
+    /// trained scene are: areas count then, in place of triangles.
+    pub is_surface: bool,
     /// Cameras of its photos, if any.
     pub cameras: &'a [Camera],
     /// Up direction.
@@ -57,10 +60,14 @@ pub fn viewpoint(input: &ViewpointInput<'_>) -> Option<ChosenViewpoint> {
     let middle = |face: usize| centroid((input.corners)(face));
     // The subject needs no more points.
     let step = input.count.div_ceil(MAX_POINTS).max(1);
-    let middles: Vec<Vec3> = (0..input.count).step_by(step).map(middle).collect();
+    let points = if input.is_surface {
+        spread_points(input.corners, input.count)
+    } else {
+        (0..input.count).step_by(step).map(middle).collect()
+    };
     // The middle of a single triangle has no extent, its corners have.
     let corners = || (0..input.count).step_by(step).flat_map(input.corners).collect::<Vec<_>>();
-    let subject = Subject::of(&middles, input.cameras).or_else(|| Subject::around(&corners()))?;
+    let subject = Subject::of(&points, input.cameras).or_else(|| Subject::around(&corners()))?;
     let mut probe =
         VisibilityProbe::new(input.corners, input.is_single_sided, input.count, subject);
     let mut score_candidate = |candidate: ViewpointCandidate| {
@@ -84,6 +91,36 @@ pub fn viewpoint(input: &ViewpointInput<'_>) -> Option<ChosenViewpoint> {
         photo: candidate.photo,
         coverage: f64::from(visibility.coverage),
     })
+}
+
+/// Points spread evenly over the area of triangles; none without area.
+fn spread_points(corners: &dyn Fn(usize) -> [Vec3; 3], count: usize) -> Vec<Vec3> {
+    let area = |face: usize| {
+        let [a, b, c] = corners(face);
+        let area = (b - a).cross(c - a).length();
+        if area.is_finite() { f64::from(area) } else { 0.0 }
+    };
+    let total: f64 = (0..count).map(area).sum();
+    let mut points = Vec::new();
+    let mut end = 0.0;
+    for face in 0..count {
+        end += area(face);
+        while points.len() < MAX_POINTS
+            && (points.len() as f64 + 0.5) * total < end * MAX_POINTS as f64
+        {
+            points.push(point_of(corners(face), points.len()));
+        }
+    }
+    points
+}
+
+/// The point of a triangle that a number chooses: points of successive numbers spread evenly (the
+/// R2 sequence, whose steps are powers of the inverse plastic number).
+fn point_of([a, b, c]: [Vec3; 3], number: usize) -> Vec3 {
+    const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
+    let [u, v] = STEPS.map(|step| (0.5 + step * number as f64).fract() as f32);
+    let [u, v] = if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] };
+    a + u * (b - a) + v * (c - a)
 }
 
 /// A candidate and its view.
@@ -324,6 +361,7 @@ mod tests {
             corners: &corners,
             is_single_sided: &|_| false,
             count,
+            is_surface: false,
             cameras,
             up: Vec3::Y,
             enclosure_distance: &enclosure_distance,
@@ -384,6 +422,32 @@ mod tests {
     }
 
     #[test]
+    fn a_surface_is_seen_whole_however_small_the_triangles_of_a_part_are() {
+        // The ball on a table of two triangles.
+        let corner = |x: f32, z: f32| Vec3::new(x, -1.0, z);
+        let [a, b] = [corner(-6.0, -4.0), corner(6.0, -4.0)];
+        let [c, d] = [corner(6.0, 4.0), corner(-6.0, 4.0)];
+        let triangles = [ball(), vec![[a, b, c], [a, c, d]]].concat();
+        let corners = |face: usize| triangles[face];
+        let input = ViewpointInput {
+            corners: &corners,
+            is_single_sided: &|_| false,
+            count: triangles.len(),
+            is_surface: true,
+            cameras: &[],
+            up: Vec3::Y,
+            enclosure_distance: &|_| f32::INFINITY,
+        };
+        let holds_table = |input: &ViewpointInput<'_>| {
+            let viewpoint = viewpoint(input).expect("it has extent").viewpoint;
+            let camera = viewpoint.camera(UVec2::new(400, 300));
+            [a, b, c, d].iter().all(|corner| camera.is_in_frustum(*corner))
+        };
+        assert!(holds_table(&input));
+        assert!(!holds_table(&ViewpointInput { is_surface: false, ..input }));
+    }
+
+    #[test]
     fn a_narrow_picture_holds_the_subject_too() {
         let chosen = of(&ball(), &[]);
         for size in [UVec2::new(390, 844), UVec2::new(844, 390), UVec2::new(400, 300)] {
@@ -401,6 +465,7 @@ mod tests {
             corners: &corners,
             is_single_sided,
             count: 5,
+            is_surface: true,
             cameras: &[LENS],
             up: Vec3::Y,
             enclosure_distance: &enclosure_distance,

@@ -5,6 +5,7 @@ use super::super::accessor;
 use super::super::document::Primitive;
 use super::super::material::GltfMaterial;
 use super::{MergedMesh, PrimitiveFaces};
+use crate::finish::PLAIN_COLOR;
 use glam::{DMat3, DMat4, DVec3};
 use trisplat_raster::kernel::sh::ShRotation;
 use trisplat_scene::math::color::linear_from_srgb;
@@ -40,8 +41,8 @@ impl<'a> MergedMesh<'a> {
             self.warn("light that materials emit is not added to their base colour");
         }
         let Some(accessor) = primitive.attributes.color else {
-            if paint.texture.is_none() {
-                self.warn("a primitive has no COLOR_0: it gets the base colour of its material");
+            if paint.texture.is_none() && !material.is_unlit() {
+                self.warn(PLAIN_COLOR);
             }
             self.push_colors(vec![[1.0; 3]; count], part, false, factor);
             self.push_opacity(part, material, |_| alpha);
