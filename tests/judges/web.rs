@@ -530,7 +530,7 @@ fn page_applies_a_clicked_up_and_bakes_without_what_is_erased() {
         left
     });
     let left: Vec<usize> = left.collect();
-    assert!(left[0] == 200 && left[1] < 197, "{left:?}");
+    assert!((197..=200).contains(&left[0]) && left[1] < left[0] - 2, "{left:?}");
 }
 
 #[test]
