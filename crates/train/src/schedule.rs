@@ -19,6 +19,9 @@ const OPACITY_RATE: f64 = 0.03;
 const SIGMA_RATE: f64 = 0.0008;
 /// Rate of the colour (0.0025, supplement).
 const SH_RATE: f64 = 0.008;
+/// Last rate of the colours of opaque triangles as a share of the first, reached log-linearly: a
+/// rate that stays lets colours follow the photo of the last steps.
+const SH_FINAL_SHARE: f64 = 0.1;
 /// Rate of the view-dependent colour as a share of that of the colour (TS 1/20).
 const SH_REST_SHARE: f64 = 0.05;
 /// Last rate of the corners as a share of the first, reached log-linearly (TS 0.01).
@@ -152,13 +155,14 @@ impl<'a> Schedule<'a> {
         let l = &self.options.loss;
         let engine = self.is_opaque(step);
         let geometry = step >= self.scaled(GEOMETRY_FROM);
+        let sh = SH_RATE * SH_FINAL_SHARE.powf(self.opaque_share(step).unwrap_or(0.0));
         StepParams {
             time: step + 1,
             corners: self.corners_rate(step),
             opacity: OPACITY_RATE,
             sigma: SIGMA_RATE,
-            sh: SH_RATE,
-            sh_rest: SH_RATE * SH_REST_SHARE,
+            sh,
+            sh_rest: sh * SH_REST_SHARE,
             sh_degree: self.sh_degree(step),
             dssim: l.dssim,
             beta_opacity: l.opacity,
@@ -257,19 +261,26 @@ impl<'a> Schedule<'a> {
     /// shading.
     fn corners_rate(&self, step: u64) -> f64 {
         let o = self.options;
-        let s = &self.options.solid;
-        let steps = self.options.steps.max(1);
         let soft = |step: u64| o.rates.corners * CORNERS_FINAL_SHARE.powf(self.share(step));
-        if !self.is_opaque(step) {
+        let Some(done) = self.opaque_share(step) else {
             return soft(step);
+        };
+        let from = self.scaled(o.solid.opacity_until);
+        soft(from) * ENGINE_CORNERS_SCALE * ENGINE_CORNERS_FINAL_SHARE.powf(done)
+    }
+
+    /// Progress of the opaque part after `step`, 0 to 1; `None` before it.
+    fn opaque_share(&self, step: u64) -> Option<f64> {
+        if !self.is_opaque(step) {
+            return None;
         }
-        let from = self.scaled(s.opacity_until);
-        let done = if self.timeline.has_milestones() {
+        let from = self.scaled(self.options.solid.opacity_until);
+        Some(if self.timeline.has_milestones() {
             (self.share(step) - self.share(from)) / (1.0 - self.share(from)).max(1e-6)
         } else {
+            let steps = self.options.steps.max(1);
             (step - from) as f64 / steps.saturating_sub(from).max(1) as f64
-        };
-        soft(from) * ENGINE_CORNERS_SCALE * ENGINE_CORNERS_FINAL_SHARE.powf(done)
+        })
     }
 
     /// True when the scene is densified after `step` steps have been made.
@@ -340,7 +351,12 @@ mod tests {
         let drawing = rates.drawing(&SoftOptions::default());
         assert!(drawing.sort == Sort::Pixel && drawing.window != Window::Soft);
         assert!((plan.prune_weight(last) - SOLID_PRUNE_WEIGHT).abs() < 1e-12);
-        let soft = 0..plan.scaled(options.solid.opacity_until);
+        let opaque = plan.scaled(options.solid.opacity_until)..options.steps;
+        let colors: Vec<f64> = opaque.clone().map(|s| plan.rates(s).sh).collect();
+        assert!(colors[0] == SH_RATE && colors.is_sorted_by(|a, b| a > b));
+        assert!((rates.sh / SH_RATE / SH_FINAL_SHARE - 1.0).abs() < 0.01);
+        assert_eq!(plan.rates(opaque.start - 1).sh, SH_RATE);
+        let soft = 0..opaque.start;
         let gains: Vec<f32> = soft.clone().map(|s| plan.anneal(s).opacity_gain).collect();
         assert!(gains.is_sorted() && gains.last().is_some_and(|g| *g > 0.95 * SOLID_GAIN as f32));
         let sigmas: Vec<f32> = soft.rev().map(|s| plan.anneal(s).sigma_scale).collect();
