@@ -336,12 +336,24 @@ fn mouse_fingers_keys_and_buttons_change_the_picture_at_once() {
 
 /// An OBJ with a red ball of radius 1, and a blue crumb far from it.
 pub(super) fn ball_and_crumb() -> String {
+    ball_in_parts(1.0)
+}
+
+/// The same with parts of the ball this much smaller: below 1 they do not touch, as those of
+/// trained scenes.
+pub(super) fn ball_in_parts(size: f64) -> String {
     let around = |a: u32, b: u32| {
         let down = f64::from(a) * PI / 8.0;
         let turn = f64::from(b) * PI / 8.0;
         [down.sin() * turn.cos(), down.cos(), down.sin() * turn.sin()]
     };
-    let part = |a, b| [around(a, b), around(a, b + 1), around(a + 1, b + 1), around(a + 1, b)];
+    let part = |a, b| {
+        let corners = [around(a, b), around(a, b + 1), around(a + 1, b + 1), around(a + 1, b)];
+        let middle = |axis: usize| corners.iter().map(|corner| corner[axis]).sum::<f64>() / 4.0;
+        let placed =
+            |corner: [f64; 3], axis: usize| size * corner[axis] + (1.0 - size) * middle(axis);
+        corners.map(|corner| [0, 1, 2].map(|axis| placed(corner, axis)))
+    };
     let ball = (0..8).flat_map(|a| (0..16).map(move |b| (part(a, b), "1 0 0")));
     let crumb = [[8.0, 0.0, 0.0], [8.2, 0.0, 0.0], [8.2, 0.2, 0.0], [8.0, 0.2, 0.0]];
     let face = |(corners, color): ([[f64; 3]; 4], &str)| {

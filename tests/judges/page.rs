@@ -1,6 +1,6 @@
 //! What one does in a page beyond looking around: what stands in the way, walking, switches.
 
-use super::browser::{assert_seen, ball_and_crumb, chromium, mesh, named, visit};
+use super::browser::{assert_seen, ball_and_crumb, ball_in_parts, chromium, mesh, named, visit};
 use super::{assert_valid, bake, here, validator};
 use glam::Vec3;
 use serde_json::{Value, json};
@@ -17,7 +17,7 @@ fn page_cuts_away_what_hides_the_subject() {
     let folder = TempDir::new().unwrap();
     let [scene, page, framed, turned] =
         ["ball.obj", "ball.html", "framed.png", "turned.png"].map(|name| folder.path().join(name));
-    fs::write(&scene, format!("{}{WALL}", ball_and_crumb())).unwrap();
+    fs::write(&scene, format!("{}{WALL}", ball_in_parts(0.99))).unwrap();
     bake(&scene, &page, &["--up", "y"]);
     let steps = json!([
         { "show": "#eye=0,0.1,7&target=0,0,0" }, { "press": "f", "screenshot": framed },
@@ -102,7 +102,7 @@ fn page_up_of_three_clicks_is_that_of_the_source() {
     let Some(chromium) = chromium() else { return };
     let folder = TempDir::new().unwrap();
     let [scene, page] = ["ball.obj", "ball.html"].map(|name| folder.path().join(name));
-    fs::write(&scene, format!("{}{WALL}", ball_and_crumb())).unwrap();
+    fs::write(&scene, format!("{}{WALL}", ball_in_parts(0.99))).unwrap();
     bake(&scene, &page, &["--up", "0.2,-0.9,0.3", "--set", "rotate=30"]);
     let placement = mesh(&page).1.placement;
     let list = |[x, y, z]: [f32; 3]| format!("{x},{y},{z}");

@@ -175,7 +175,7 @@ fn package(
     asset.chunks = scene_and_backdrop(&asset);
     by_material(&mut asset);
     let (asset, _) = report.stage(observer, asset, Asset::counts, |asset, details| {
-        Ok(viewpoint(asset, &cameras, false, details))
+        Ok(viewpoint(asset, &cameras, details))
     })?;
     Ok(asset)
 }

@@ -9,7 +9,9 @@ use serde::{Deserialize, Serialize};
 use trisplat_raster::framing::{ViewpointInput, viewpoint as best_viewpoint};
 use trisplat_scene::Asset;
 use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::Outcome;
+use trisplat_surface::connected_faces;
 
 /// The chosen viewpoint.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -25,12 +27,10 @@ pub struct ViewpointDetails {
 trisplat_scene::stage!(ViewpointDetails, "viewpoint");
 
 /// Chooses the viewpoint of `asset`, which is placed with +y up. `cameras` are those of photos in
-/// its frame. Without any, the input's viewpoint is kept. `is_surface`: of a mesh that was no
-/// trained scene.
+/// its frame. Without any, the input's viewpoint is kept.
 pub(crate) fn viewpoint(
     asset: &mut Asset,
     cameras: &[Camera],
-    is_surface: bool,
     details: &mut ViewpointDetails,
 ) -> Outcome<()> {
     if cameras.is_empty() && asset.provenance.viewpoint.is_some() {
@@ -47,7 +47,7 @@ pub(crate) fn viewpoint(
         corners: &corners,
         is_single_sided: &is_single_sided,
         count: faces,
-        is_surface: is_surface && cameras.is_empty(),
+        is_surface: cameras.is_empty() && is_connected(&asset.mesh, faces),
         cameras,
         up: Vec3::Y,
         enclosure_distance: &room,
@@ -60,6 +60,12 @@ pub(crate) fn viewpoint(
     details.filled = Some(chosen.coverage);
     asset.provenance.viewpoint = Some(chosen.viewpoint);
     Outcome::Changed(())
+}
+
+/// True if most of the first `faces` are parts whose triangles share edges, as modelled ones do.
+fn is_connected(mesh: &Mesh, faces: usize) -> bool {
+    let connected = connected_faces(mesh).into_iter().take(faces);
+    2 * connected.filter(|is_connected| *is_connected).count() > faces
 }
 
 #[cfg(test)]
@@ -86,14 +92,14 @@ mod tests {
     fn it_is_inside_the_backdrop_and_found_once() {
         let mut asset = spheres();
         let mut details = ViewpointDetails::default();
-        assert_eq!(viewpoint(&mut asset, &[], false, &mut details), Outcome::Changed(()));
+        assert_eq!(viewpoint(&mut asset, &[], &mut details), Outcome::Changed(()));
         let chosen = asset.provenance.viewpoint.expect("it was chosen");
         assert!(Vec3::from(chosen.eye.map(|x| x as f32)).length() < 3.0, "{chosen:?}");
         assert!(
             details.photo.is_none() && details.filled.is_some_and(|share| share > 0.1),
             "{details:?}"
         );
-        let again = viewpoint(&mut asset, &[], false, &mut ViewpointDetails::default());
+        let again = viewpoint(&mut asset, &[], &mut ViewpointDetails::default());
         assert!(matches!(again, Outcome::Skipped(_)));
         assert_eq!(asset.provenance.viewpoint, Some(chosen));
     }
@@ -110,12 +116,12 @@ mod tests {
         };
         let mut asset = spheres();
         asset.provenance.viewpoint = Some(stored);
-        viewpoint(&mut asset, &[], false, &mut ViewpointDetails::default());
+        viewpoint(&mut asset, &[], &mut ViewpointDetails::default());
         assert_eq!(asset.provenance.viewpoint, Some(stored));
         let size = glam::UVec2::splat(100);
         let camera =
             stored.camera(size).with_look_at(Vec3::new(0.5, 1.0, 2.5), Vec3::ZERO, Vec3::Y);
-        viewpoint(&mut asset, &[camera], false, &mut ViewpointDetails::default());
+        viewpoint(&mut asset, &[camera], &mut ViewpointDetails::default());
         assert_ne!(asset.provenance.viewpoint, Some(stored));
     }
 }

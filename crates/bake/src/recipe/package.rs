@@ -76,13 +76,12 @@ impl Recipe<'_> {
         let scene_viewpoint = scene_frame.and_then(|frame| frame.viewpoint);
         let cameras = cameras.iter().map(|camera| frames::to_file(camera, placement, DVec3::ZERO));
         let cameras: Vec<Camera> = cameras.collect();
-        let is_surface = !self.is_soup;
         self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
             if scene_viewpoint.is_some() {
                 asset.provenance.viewpoint = scene_viewpoint;
                 return Ok(Outcome::Changed(()));
             }
-            Ok(viewpoint(asset, &cameras, is_surface, details))
+            Ok(viewpoint(asset, &cameras, details))
         })
     }
 

@@ -44,8 +44,9 @@ pub struct ViewpointInput<'a> {
     pub is_single_sided: &'a dyn Fn(usize) -> bool,
     /// Number of triangles, without the far shell.
     pub count: usize,
-    /// True for a surface whose triangles are not smaller where more is to be seen, as those of a
-    /// trained scene are: areas count then, in place of triangles.
+    /// True for a modelled surface. Its triangles are not smaller where more is to be seen, as
+    /// those of a trained scene are: areas count in place of triangles. And it is seen from its
+    /// front: the inside of a closed thing is no viewpoint.
     pub is_surface: bool,
     /// Cameras of its photos, if any.
     pub cameras: &'a [Camera],
@@ -68,8 +69,8 @@ pub fn viewpoint(input: &ViewpointInput<'_>) -> Option<ChosenViewpoint> {
     // The middle of a single triangle has no extent, its corners have.
     let corners = || (0..input.count).step_by(step).flat_map(input.corners).collect::<Vec<_>>();
     let subject = Subject::of(&points, input.cameras).or_else(|| Subject::around(&corners()))?;
-    let mut probe =
-        VisibilityProbe::new(input.corners, input.is_single_sided, input.count, subject);
+    let is_single_sided = |face: usize| input.is_surface || (input.is_single_sided)(face);
+    let mut probe = VisibilityProbe::new(input.corners, &is_single_sided, input.count, subject);
     let mut score_candidate = |candidate: ViewpointCandidate| {
         let visibility = probe.measure(&candidate.camera);
         ScoredCandidate {
@@ -445,6 +446,32 @@ mod tests {
         };
         assert!(holds_table(&input));
         assert!(!holds_table(&ViewpointInput { is_surface: false, ..input }));
+    }
+
+    #[test]
+    fn a_closed_surface_is_seen_from_outside() {
+        // The nearest places to try are just inside of a ball of so few triangles.
+        let at = |a: u32, b: u32| {
+            let (down, turn) = (a as f32 * TAU / 16.0, b as f32 * TAU / 16.0);
+            let ring = down.sin();
+            Vec3::new(ring * turn.cos(), down.cos(), ring * turn.sin())
+        };
+        let part = |a, b| [at(a, b), at(a, b + 1), at(a + 1, b + 1), at(a + 1, b)];
+        let parts = (0..8).flat_map(|a| (0..16).map(move |b| part(a, b)));
+        let triangles: Vec<[Vec3; 3]> =
+            parts.flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        let corners = |face: usize| triangles[face];
+        let chosen = viewpoint(&ViewpointInput {
+            corners: &corners,
+            is_single_sided: &|_| false,
+            count: triangles.len(),
+            is_surface: true,
+            cameras: &[],
+            up: Vec3::Y,
+            enclosure_distance: &|_| f32::INFINITY,
+        });
+        let eye = DVec3::from(chosen.expect("it has extent").viewpoint.eye);
+        assert!(eye.length() > 1.5, "{eye}");
     }
 
     #[test]
