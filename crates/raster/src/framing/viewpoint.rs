@@ -21,6 +21,8 @@ const ELEVATIONS: [f32; 3] = [0.342, 0.643, 0.087];
 const RELATIVE_DISTANCES: [f32; 3] = [1.0, 0.6, 0.35];
 /// Minimum ratio of scores that a nearer place needs.
 const NEARER_GAIN: f32 = 1.5;
+/// Radius of a modelled surface, in radii of the ball that holds most of its area: it is seen whole.
+const SURFACE_RADIUS: f32 = 1.1;
 /// Largest distance from the target, as a share of the distance to the far shell.
 const MAX_ENCLOSURE_SHARE: f32 = 0.9;
 
@@ -68,7 +70,11 @@ pub fn viewpoint(input: &ViewpointInput<'_>) -> Option<ChosenViewpoint> {
     };
     // The middle of a single triangle has no extent, its corners have.
     let corners = || (0..input.count).step_by(step).flat_map(input.corners).collect::<Vec<_>>();
-    let subject = Subject::of(&points, input.cameras).or_else(|| Subject::around(&corners()))?;
+    let mut subject =
+        Subject::of(&points, input.cameras).or_else(|| Subject::around(&corners()))?;
+    if input.is_surface {
+        subject.radius *= SURFACE_RADIUS;
+    }
     let is_single_sided = |face: usize| input.is_surface || (input.is_single_sided)(face);
     let mut probe = VisibilityProbe::new(input.corners, &is_single_sided, input.count, subject);
     let mut score_candidate = |candidate: ViewpointCandidate| {
