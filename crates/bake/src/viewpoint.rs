@@ -13,6 +13,9 @@ use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::Outcome;
 use trisplat_surface::connected_faces;
 
+/// Maximum number of triangles that tell whether a scene is a modelled mesh.
+const MAX_EXAMINED: usize = 1 << 16;
+
 /// The chosen viewpoint.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ViewpointDetails {
@@ -62,10 +65,13 @@ pub(crate) fn viewpoint(
     Outcome::Changed(())
 }
 
-/// True if most of the first `faces` are parts whose triangles share edges, as modelled ones do.
+/// True if most triangles are of parts that share edges, as modelled ones do. The first of the
+/// `faces` tell: the order of a file keeps neighbours together.
 fn is_connected(mesh: &Mesh, faces: usize) -> bool {
-    let connected = connected_faces(mesh).into_iter().take(faces);
-    2 * connected.filter(|is_connected| *is_connected).count() > faces
+    let faces = faces.min(MAX_EXAMINED);
+    let positions = (0..faces).flat_map(|face| mesh.corners(face)).collect();
+    let connected = connected_faces(&Mesh { positions, ..Mesh::default() });
+    2 * connected.iter().filter(|is_connected| **is_connected).count() > faces
 }
 
 #[cfg(test)]
