@@ -76,8 +76,9 @@ def scene():
 
 def main(folder):
     (folder / "images").mkdir(parents=True, exist_ok=True)
-    setup, camera, frames = scene(), None, []
+    setup = scene()
     camera = setup.camera
+    frames = []
     around = random.Random(0)
     for i in range(PHOTOS):
         # Three rings in front of the head, of 120 degrees.

@@ -50,8 +50,8 @@ pub fn message(error: &Error, command: &Command) -> String {
     }
 }
 
-/// `text` with every field in backticks replaced by its flag in `command`, or its setting. Two backticks stand for
-/// a printed one.
+/// `text` with every field in backticks replaced by its flag in `command`, or its setting. Two
+/// backticks stand for a printed one.
 pub fn as_flags(text: &str, command: &Command) -> String {
     let mut parts = text.split('`').peekable();
     let mut out = parts.next().unwrap_or_default().to_owned();

@@ -120,13 +120,8 @@ pub(super) fn similar_setting(error: &trisplat_scene::Error, command: &str) -> O
         return None;
     }
     let options = options_of(command)?;
-    let own = options.as_object().into_iter().flatten();
-    let names = own.flat_map(|(name, value)| match value {
-        Value::Object(group) => group.keys().collect(),
-        _ => vec![name],
-    });
     let distance = |name: &&String| strsim::osa_distance(key, name);
-    let nearest = names.min_by_key(distance).filter(|name| near(key, name))?;
+    let nearest = names(&options).min_by_key(distance).filter(|name| near(key, name))?;
     Some(format!("; did you mean {nearest}?"))
 }
 
@@ -147,7 +142,10 @@ pub(super) fn with_hint(mut error: Error, words: &[String]) -> Error {
     let Some(ContextValue::String(flag)) = error.get(ContextKind::InvalidArg) else { return error };
     let field =
         flag.trim_start_matches('-').split('=').next().unwrap_or_default().replace('-', "_");
-    if !words.iter().find_map(|word| options_of(word)).is_some_and(|options| has(&options, &field))
+    if !words
+        .iter()
+        .find_map(|word| options_of(word))
+        .is_some_and(|options| names(&options).any(|name| *name == field))
     {
         return error;
     }
@@ -167,10 +165,13 @@ fn options_of(word: &str) -> Option<Value> {
     }
 }
 
-/// True if an option, or an option of a group, has this name.
-fn has(options: &Value, field: &str) -> bool {
-    let own = options.get(field).is_some_and(|value| !value.is_object());
-    own || options.as_object().into_iter().flatten().any(|(_, group)| group.get(field).is_some())
+/// The names of options, and of options of groups.
+fn names(options: &Value) -> impl Iterator<Item = &String> {
+    let own = options.as_object().into_iter().flatten();
+    own.flat_map(|(name, value)| match value {
+        Value::Object(group) => group.keys().collect(),
+        _ => vec![name],
+    })
 }
 
 // ---- The short help (`-h`) of a command with many flags: those that people use, in a clause each

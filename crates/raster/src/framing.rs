@@ -1,5 +1,6 @@
 //! The framing of a scene: its subject, its first viewpoint, and the far shell that closes it.
 
+mod candidates;
 mod enclosure;
 mod subject;
 mod viewpoint;
