@@ -1,7 +1,8 @@
 //! The recipe: from a scene to its surface.
 
 use crate::collider::collider;
-use crate::fill::{Holes, drop_small, drop_small_areas, fill};
+use crate::extend::{drop_open, extend};
+use crate::fill::{Holes, border, drop_small, drop_small_areas, fill};
 use crate::fuse::{DistanceField, Fusion, VoxelBlock};
 use crate::grid::{Grid, blocks};
 use crate::measured::add_measured;
@@ -130,14 +131,11 @@ fn extract(
         return Ok(None);
     };
     add_measured(&mut pictures, depths);
-    let field = fused(&pictures, grid, options, limits)?;
-    drop(pictures);
-    let mut mesh = nets(&field, &grid);
     details.pictures = cameras.len() as u64;
     details.voxel = f64::from(grid.voxel);
-    details.blocks = field.blocks.len() as u64;
+    let mut mesh = fused(&pictures, grid, options, limits, details)?;
+    drop(pictures);
     details.extracted = mesh.face_count() as u64;
-    drop(field);
     let (pieces, holes) = match part {
         Some(part) => {
             let keep = (part.keep)(&mesh);
@@ -163,25 +161,33 @@ fn extract(
     Ok((mesh.face_count() > 0).then_some(mesh))
 }
 
-/// The distance field of what the pictures show.
+/// The surface of what the pictures show.
 fn fused(
     pictures: &[DepthPicture],
     grid: Grid,
     options: &SurfaceOptions,
     limits: &Limits,
-) -> Result<DistanceField> {
+    details: &mut SurfaceDetails,
+) -> Result<Mesh> {
     let fusion = Fusion {
         grid,
         truncation: options.truncation as f32 * grid.voxel,
         min_views: options.min_views.min(pictures.len() as u32),
     };
-    let numbers = blocks(pictures, &grid);
-    let mut blocks: Vec<VoxelBlock> = limits.zeroed("the distance field", numbers.len())?;
     let observers: Vec<ViewFrustum<'_>> = pictures.iter().map(ViewFrustum::new).collect();
-    parallel::for_each_mut(&mut blocks, 1, |i, block| {
-        *block = fusion.block(numbers[i], &observers)
-    });
-    Ok(DistanceField { numbers, blocks })
+    let numbers = blocks(pictures, &grid);
+    let blocks: Vec<VoxelBlock> = limits.zeroed("the distance field", numbers.len())?;
+    let mut field = DistanceField { numbers, blocks };
+    let DistanceField { numbers, blocks } = &mut field;
+    parallel::for_each_mut(blocks, 1, |i, block| *block = fusion.block(numbers[i], &observers));
+    let (observed, _) = nets(&field, &grid);
+    let borders = border(&observed);
+    let places = borders.keys().map(|vertex| observed.positions[*vertex as usize]);
+    extend(&mut field, &grid, places, limits, |number| fusion.block(number, &observers))?;
+    details.blocks = field.blocks.len() as u64;
+    let (mut mesh, extended) = nets(&field, &grid);
+    drop_open(&mut mesh, &extended);
+    Ok(mesh)
 }
 
 // ---- A collider: a connected surface of few triangles, because the scene's own triangles overlap

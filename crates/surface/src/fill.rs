@@ -79,7 +79,7 @@ fn take(after: &mut BTreeMap<u32, Vec<u32>>, at: u32) -> Option<u32> {
 }
 
 /// The vertices after each of the border, along the holes: several where borders touch.
-fn border(mesh: &Mesh) -> BTreeMap<u32, Vec<u32>> {
+pub(super) fn border(mesh: &Mesh) -> BTreeMap<u32, Vec<u32>> {
     let edges = |[a, b, c]: [u32; 3]| [(a, b), (b, c), (c, a)];
     let mut sides: Vec<(u32, u32)> =
         mesh.indices.as_chunks::<3>().0.iter().copied().flat_map(edges).collect();

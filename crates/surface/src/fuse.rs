@@ -116,11 +116,20 @@ pub(super) struct VoxelBlock {
     pub(super) distance: [f32; SAMPLES],
     /// sRGB codes.
     pub(super) rgb: [[u8; 3]; SAMPLES],
+    /// A bit per sample whose distance was not observed, but extended from those beside it.
+    extended: [u64; SAMPLES / 64],
 }
 
 impl VoxelBlock {
     pub(super) const UNOBSERVED: Self =
-        Self { distance: [f32::NAN; SAMPLES], rgb: [[0; 3]; SAMPLES] };
+        Self { distance: [f32::NAN; SAMPLES], rgb: [[0; 3]; SAMPLES], extended: [0; SAMPLES / 64] };
+
+    /// Gives an unobserved sample a distance and a linear colour.
+    pub(super) fn extend(&mut self, local: usize, distance: f32, color: Vec3) {
+        self.distance[local] = distance;
+        self.rgb[local] = color.to_array().map(srgb8_from_linear);
+        self.extended[local / 64] |= 1 << (local % 64);
+    }
 }
 
 /// A sparse lattice of distances.
@@ -144,9 +153,16 @@ impl DistanceField {
         self.find(sample).map_or(f32::NAN, |(block, local)| self.blocks[block].distance[local])
     }
 
-    /// Linear colour at a sample that was observed.
+    /// Linear colour at a sample with a distance.
     pub(super) fn color(&self, sample: IVec3) -> Vec3 {
         let code = self.find(sample).map_or([0; 3], |(block, local)| self.blocks[block].rgb[local]);
-        Vec3::from(code.map(|code| linear_from_srgb(f32::from(code) / 255.0)))
+        Vec3::from(code.map(|code| LINEAR[usize::from(code)]))
+    }
+
+    /// True if a sample's distance was not observed, but extended.
+    pub(super) fn is_extended(&self, sample: IVec3) -> bool {
+        self.find(sample).is_some_and(|(block, local)| {
+            self.blocks[block].extended[local / 64] >> (local % 64) & 1 == 1
+        })
     }
 }

@@ -21,6 +21,7 @@
 mod collapse;
 mod collider;
 mod connected;
+mod extend;
 mod extract;
 mod fill;
 mod fuse;

@@ -24,10 +24,13 @@ struct BlockVertices {
     edges: Vec<EdgeSet>,
     positions: Vec<Vec3>,
     colors: Vec<[f32; 3]>,
+    /// Whether a distance around it was extended.
+    extended: Vec<bool>,
 }
 
-/// The zero of `field` as a connected mesh with a colour per vertex; its fronts face what is free.
-pub(super) fn nets(field: &DistanceField, grid: &Grid) -> Mesh {
+/// The zero of `field` as a connected mesh with a colour per vertex, whose fronts face what is free;
+/// and the vertices that were not observed: a distance around them was extended.
+pub(super) fn nets(field: &DistanceField, grid: &Grid) -> (Mesh, Vec<bool>) {
     let mut blocks = parallel::collect(field.blocks.len(), 1, |i| block_vertices(field, grid, i));
     let mut count = 0;
     for block in &mut blocks {
@@ -41,7 +44,8 @@ pub(super) fn nets(field: &DistanceField, grid: &Grid) -> Mesh {
     let positions = blocks.iter().flat_map(|block| block.positions.iter().copied()).collect();
     let colors =
         Colors::Vertex(blocks.iter().flat_map(|block| block.colors.iter().copied()).collect());
-    Mesh { positions, colors, indices, ..Mesh::default() }
+    let extended = blocks.iter().flat_map(|block| block.extended.iter().copied()).collect();
+    (Mesh { positions, colors, indices, ..Mesh::default() }, extended)
 }
 
 fn corner(i: usize) -> IVec3 {
@@ -79,6 +83,7 @@ fn block_vertices(field: &DistanceField, grid: &Grid, index: usize) -> BlockVert
     for local in 0..SAMPLES {
         let cell = first + offset_of(local);
         let Some(distances) = corners(field, index, cell, local) else { continue };
+        let is_extended = (0..CORNERS).any(|i| field.is_extended(cell + corner(i)));
         for crossed in sheets(&distances) {
             let mut middle = Vec3::ZERO;
             let mut color = Vec3::ZERO;
@@ -91,6 +96,7 @@ fn block_vertices(field: &DistanceField, grid: &Grid, index: usize) -> BlockVert
             }
             let crossings = crossed.count_ones() as f32;
             out.cells.push(local as u16);
+            out.extended.push(is_extended);
             out.edges.push(crossed);
             out.positions.push(grid.sample(cell) + middle / crossings * grid.voxel);
             out.colors.push((color / crossings).clamp(Vec3::ZERO, Vec3::ONE).to_array());
