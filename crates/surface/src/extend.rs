@@ -11,7 +11,8 @@ use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Limits, Result};
 
-/// Cells from a border up to which the surface may be closed. Twice as many close no more (docs/benchmarks/surface.md).
+/// Cells from a border up to which the surface may be closed; twice as many close no more
+/// (docs/benchmarks/surface.md).
 const REACH: u32 = 4;
 const AROUND: [IVec3; 6] = [IVec3::X, IVec3::NEG_X, IVec3::Y, IVec3::NEG_Y, IVec3::Z, IVec3::NEG_Z];
 

@@ -9,8 +9,8 @@
 //! As in the supplement of Held et al. 2025 (mesh extraction from depth maps, after 2D Gaussian
 //! Splatting): the median depth of what each camera sees is fused into a truncated signed distance
 //! field (Curless and Levoy 1996), whose zero is the surface. Where photos agree on a depth, this
-//! takes the place of the drawn one. What no camera has observed has no
-//! surface, so holes in the observation stay open, but for small ones.
+//! takes the place of the drawn one; without texture drawn ones become planes. What no camera has
+//! observed has no surface, unless this closes a hole; what cameras look through stays open.
 //!
 //! Surface nets are our own, as the crates there are take a dense box of known samples: they would
 //! invent a surface around what is unobserved, and double the vertices where the blocks of a sparse
@@ -24,6 +24,7 @@ mod connected;
 mod extend;
 mod extract;
 mod fill;
+mod flatten;
 mod fuse;
 mod grid;
 mod measured;

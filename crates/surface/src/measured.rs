@@ -1,13 +1,14 @@
 //! Depths measured in photos: they replace the depths that the scene draws there, and count more
-//! beside them.
+//! beside them, where drawn ones without texture become flat.
 
+use crate::flatten::flatten;
 use crate::picture::{DepthPicture, UNKNOWN};
 use glam::{UVec2, Vec2};
 use trisplat_scene::camera::PhotoDepths;
 use trisplat_scene::parallel::{self, GRAIN};
 
 /// Weight of a measured depth; a drawn one has 1.
-const MEASURED_WEIGHT: f32 = 4.0;
+pub(super) const MEASURED_WEIGHT: f32 = 4.0;
 /// Largest ratio of two depths of one surface, two cells apart.
 const SAME_SURFACE: f32 = 1.02;
 /// Cells to each side of a gap up to which a measured depth bridges it, ...
@@ -29,6 +30,7 @@ pub(super) fn add_measured(pictures: &mut Vec<DepthPicture>, depths: &[PhotoDept
     };
     let measured = parallel::collect(depths.len(), 1, measured);
     for (picture, measured) in pictures.iter_mut().zip(&measured) {
+        flatten(picture, measured);
         forget(picture, measured);
     }
     pictures.extend(measured);
