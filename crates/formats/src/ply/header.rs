@@ -307,7 +307,10 @@ impl Column {
     /// The number, as f32; f64 and large integers are rounded.
     #[inline]
     pub(super) fn f32(self, row: &[u8]) -> f32 {
-        self.f64(row) as f32
+        match self.scalar {
+            Scalar::F32 => f32::from_le_bytes(bytes(row, self.offset)),
+            _ => self.f64(row) as f32,
+        }
     }
 
     /// The number, exact for every type.

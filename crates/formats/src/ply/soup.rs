@@ -43,20 +43,21 @@ pub(super) fn read(
         sh_degree,
         shell: Vec::new(),
     };
-    let indices = faces.triangles(vertices.rows, limits)?;
     let step = faces.rows_per_block();
     let parts = soup.opacity.chunks_mut(step).zip(soup.sigma.chunks_mut(step));
-    faces.blocks(
+    let own_corners = faces.blocks(
         parts.zip(soup.sh.chunks_mut(step * k)),
-        |_, rows, ((opacities, sigmas), sh)| {
+        |face, rows, ((opacities, sigmas), sh)| {
+            let mut own_corners = true;
             for (i, row) in rows.enumerate() {
+                own_corners &= faces.has_own_corners(face + i, row);
                 opacities[i] = opacity.f32(row);
                 sigmas[i] = sigma.f32(row);
                 for (out, columns) in sh[i * k..].iter_mut().zip(&columns) {
                     *out = columns.map(|column| column.f32(row));
                 }
             }
-            Ok(())
+            Ok(own_corners)
         },
     )?;
     if let Some(column) = faces.find(SHELL) {
@@ -68,11 +69,10 @@ pub(super) fn read(
             soup.shell = Vec::new();
         }
     }
-    let unshared =
-        vertices.rows == 3 * count && indices.iter().enumerate().all(|(i, v)| i == *v as usize);
-    if unshared {
+    if vertices.rows == 3 * count && own_corners.into_iter().all(|own| own) {
         vertices.read_positions(origin, soup.vertices.as_flattened_mut())?;
     } else {
+        let indices = faces.triangles(vertices.rows, limits)?;
         let mut shared = limits.zeroed::<Vec3>(&path, vertices.rows)?;
         vertices.read_positions(origin, &mut shared)?;
         let corners = indices.as_chunks::<3>().0;

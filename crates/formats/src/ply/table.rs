@@ -312,6 +312,12 @@ impl<'a> PlyTable<'a> {
     /// Reads x, y, z of every vertex, relative to `origin`. `[V]`
     pub(super) fn read_positions(&self, origin: DVec3, out: &mut [Vec3]) -> Result<()> {
         let axes = self.columns(["x", "y", "z"])?;
+        if let RowStorage::File(file, start) = self.body
+            && origin == DVec3::ZERO
+            && self.has_rows_like_memory(axes)
+        {
+            return self.read_like_memory(file, start, out);
+        }
         self.blocks(out.chunks_mut(self.rows_per_block()), |_, rows, out| {
             for (row, out) in rows.zip(out) {
                 *out = match origin {
@@ -322,6 +328,40 @@ impl<'a> PlyTable<'a> {
             Ok(())
         })?;
         Ok(())
+    }
+
+    /// True if a row is the bytes of a position in memory.
+    fn has_rows_like_memory(&self, axes: [Column; 3]) -> bool {
+        let is_in_place = |axis: usize| {
+            axes[axis].scalar == Scalar::F32 && axes[axis].offset == axis * size_of::<f32>()
+        };
+        cfg!(target_endian = "little")
+            && self.stride == size_of::<Vec3>()
+            && (0..3).all(is_in_place)
+    }
+
+    /// Reads rows that are the bytes of positions, which begin at byte `start`.
+    fn read_like_memory(&self, file: &File, start: u64, out: &mut [Vec3]) -> Result<()> {
+        let step = self.rows_per_block();
+        let read = |block: usize, out: &mut [Vec3]| {
+            let offset = start + (block * step * self.stride) as u64;
+            read_at(file, bytemuck::cast_slice_mut(out), offset)
+        };
+        let blocks: io::Result<Vec<()>> =
+            parallel::map(out.chunks_mut(step), read).into_iter().collect();
+        blocks.map(drop).map_err(|e| Error::io(self.path, e))
+    }
+
+    /// True if the corners of a face are the three vertices behind those of the faces before it.
+    #[inline]
+    pub(super) fn has_own_corners(&self, face: usize, row: &[u8]) -> bool {
+        let Some((count, first)) = self.corners else { return false };
+        let size = first.scalar.size();
+        let is_own = |i: usize| {
+            let corner = Column { offset: first.offset + i * size, ..first };
+            corner.int(row) == (3 * face + i) as i64
+        };
+        first.scalar.is_integer() && count.int(row) == 3 && (0..3).all(is_own)
     }
 
     /// The first three corners of all faces, each below `vertices`. `[F * 3]`
