@@ -89,14 +89,6 @@ impl PartVertices<'_> {
             Self::Listed(ids) => ids.len(),
         }
     }
-
-    /// Number in the mesh of vertex `i`.
-    fn id(&self, i: usize) -> usize {
-        match self {
-            Self::Run(run) => run.start + i,
-            Self::Listed(ids) => ids[i] as usize,
-        }
-    }
 }
 
 impl ScenePart<'_> {
@@ -382,10 +374,16 @@ fn used_vertices<'a>(indices: &[u32]) -> PartVertices<'a> {
 
 /// The box around these vertices; not finite when any of them is not.
 fn bounds(mesh: &Mesh, vertices: &PartVertices) -> [Vec3; 2] {
-    let position = |i| mesh.positions[vertices.id(i)];
+    let positions = &mesh.positions;
     let finite = |p: Vec3| if p.is_finite() { p } else { Vec3::INFINITY };
-    let bounds = parallel::ranges(vertices.len(), 1 << 16, |range| {
-        geometry::bounds(range.map(|i| finite(position(i))))
+    let bounds = parallel::ranges(vertices.len(), 1 << 16, |range| match vertices {
+        PartVertices::Run(run) => {
+            let run = &positions[run.start + range.start..run.start + range.end];
+            geometry::bounds(run.iter().map(|position| finite(*position)))
+        }
+        PartVertices::Listed(ids) => {
+            geometry::bounds(ids[range].iter().map(|id| finite(positions[*id as usize])))
+        }
     });
     let bounds = geometry::bounds(bounds.into_iter().flatten().flatten()).unwrap_or_default();
     // -0.0 and 0.0 are equal, so the minimum could be either, depending on the order. Adding zero
