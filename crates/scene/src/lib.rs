@@ -15,6 +15,7 @@ pub mod frames;
 pub mod image;
 mod imported_splats;
 pub mod input;
+mod kept_rows;
 pub mod layered;
 mod limits;
 pub mod math;

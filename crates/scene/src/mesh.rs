@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::face_sh::FaceSh;
+use crate::kept_rows::KeptRows;
 use crate::math::lists::{all_finite, all_in_unit, median};
 use crate::parallel::{self, GRAIN};
 use crate::report::Counts;
@@ -148,6 +149,7 @@ impl Mesh {
     }
 
     /// The material of a face: faces of one material can be drawn together.
+    #[inline]
     pub fn material(&self, face: usize) -> FaceMaterial {
         let page = self.texture.as_ref().map_or(0, |texture| texture.page(face));
         FaceMaterial { page, single_sided: self.is_single_sided(face) }
@@ -288,6 +290,9 @@ impl Mesh {
     /// Keeps the faces for which `keep` returns true, in order, and drops unused vertices.
     pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
         let indexed = !self.indices.is_empty();
+        if !indexed && self.texture.is_none() && self.sh.is_none() {
+            return self.retain_in_place(&KeptRows::new(self.face_count(), keep));
+        }
         let faces: Vec<u32> =
             (0..self.face_count()).filter(|&f| keep(f)).map(|f| f as u32).collect();
         self.select(&faces);
@@ -310,6 +315,19 @@ impl Mesh {
         if let Colors::Vertex(colors) = &mut self.colors {
             *colors = gather(colors, &kept);
         }
+    }
+
+    /// Drops the other faces of a mesh without indices, texture and harmonics.
+    fn retain_in_place(&mut self, kept: &KeptRows) {
+        kept.keep_in(&mut self.positions, 3);
+        match &mut self.colors {
+            Colors::Face(colors) => kept.keep_in(colors, 1),
+            Colors::Vertex(colors) => kept.keep_in(colors, 3),
+        }
+        kept.keep_if_present(&mut self.opacity);
+        kept.keep_if_present(&mut self.normals);
+        kept.keep_if_present(&mut self.shell);
+        kept.keep_if_present(&mut self.single_sided);
     }
 
     /// Takes the faces from `first` on out of the mesh, as a mesh of their own.

@@ -1,6 +1,7 @@
 //! The trained scene: N unconnected triangles in the world.
 
 use crate::error::{Error, Result};
+use crate::kept_rows::KeptRows;
 use crate::math::lists::{all_finite, all_in_unit, all_positive};
 use crate::parallel::{self, GRAIN};
 use glam::Vec3;
@@ -174,15 +175,13 @@ impl Soup {
 
     /// Keeps the triangles for which `keep` returns true, in order.
     pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
-        let kept: Vec<usize> = (0..self.len()).filter(|i| keep(*i)).collect();
+        let kept = KeptRows::new(self.len(), keep);
         let k = self.sh_count();
-        keep_rows(&mut self.vertices, 1, &kept);
-        keep_rows(&mut self.opacity, 1, &kept);
-        keep_rows(&mut self.sigma, 1, &kept);
-        keep_rows(&mut self.sh, k, &kept);
-        if !self.shell.is_empty() {
-            keep_rows(&mut self.shell, 1, &kept);
-        }
+        kept.keep_in(&mut self.vertices, 1);
+        kept.keep_in(&mut self.opacity, 1);
+        kept.keep_in(&mut self.sigma, 1);
+        kept.keep_in(&mut self.sh, k);
+        kept.keep_if_present(&mut self.shell);
     }
 
     /// True when every number of triangle `i` is finite.
@@ -269,14 +268,6 @@ impl Soup {
         }
         Error::invalid_data("the soup has values that are not finite or out of range")
     }
-}
-
-/// Keeps the rows of these ascending numbers, of `width` values each.
-pub(crate) fn keep_rows<T: Copy>(list: &mut Vec<T>, width: usize, rows: &[usize]) {
-    for (to, from) in rows.iter().enumerate().filter(|(to, from)| to != *from) {
-        list.copy_within(from * width..(from + 1) * width, to * width);
-    }
-    list.truncate(rows.len() * width);
 }
 
 /// sRGB-encoded channel of an SH degree 0 coefficient.

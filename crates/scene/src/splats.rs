@@ -1,8 +1,9 @@
 //! Gaussian splats (Kerbl et al. 2023): N ellipsoids that fade outwards.
 
 use crate::error::{Error, Result};
+use crate::kept_rows::KeptRows;
 use crate::math::lists::{all_finite, all_in_unit};
-use crate::soup::{Soup, keep_rows, rgb_from_sh0, sh_count};
+use crate::soup::{Soup, rgb_from_sh0, sh_count};
 use glam::{Quat, Vec3};
 
 /// Standard deviations from a Gaussian's middle to the corners of its triangle: the triangle then
@@ -86,13 +87,13 @@ impl Splats {
 
     /// Keeps the Gaussians for which `keep` returns true, in order.
     pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
-        let kept: Vec<usize> = (0..self.len()).filter(|i| keep(*i)).collect();
+        let kept = KeptRows::new(self.len(), keep);
         let k = self.sh_count();
-        keep_rows(&mut self.positions, 1, &kept);
-        keep_rows(&mut self.scales, 1, &kept);
-        keep_rows(&mut self.rotations, 1, &kept);
-        keep_rows(&mut self.opacity, 1, &kept);
-        keep_rows(&mut self.sh, k, &kept);
+        kept.keep_in(&mut self.positions, 1);
+        kept.keep_in(&mut self.scales, 1);
+        kept.keep_in(&mut self.rotations, 1);
+        kept.keep_in(&mut self.opacity, 1);
+        kept.keep_in(&mut self.sh, k);
     }
 
     /// Checks the lengths of the lists, and the SH degree.
