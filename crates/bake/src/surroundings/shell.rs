@@ -32,7 +32,7 @@ pub(crate) fn recognise_shell(scene: &mut Scene, when: BackdropWhen) {
     if when == BackdropWhen::Off || soup.shell_count() > 0 {
         return;
     }
-    soup.shell = far_shell(&|triangle| soup.vertices[triangle], soup.len()).unwrap_or_default();
+    soup.shell = far_shell(|triangle| soup.vertices[triangle], soup.len()).unwrap_or_default();
 }
 
 /// Takes the faces of the shell out of `mesh`, their fronts towards the middle: that of `cameras`,

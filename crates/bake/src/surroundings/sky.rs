@@ -231,9 +231,12 @@ const ROWS_PER_FACE: u32 = 4;
 /// True if the faces of `shell` hardly touch: a closed surface has half as many vertices as faces,
 /// separate faces have three times as many.
 pub(crate) fn is_scattered(shell: &Mesh) -> bool {
+    if shell.face_count() > MAX_FACES {
+        return false;
+    }
     let places: HashSet<[u32; 3]> =
         shell.positions.iter().map(|place| place_bits(*place)).collect();
-    shell.face_count() <= MAX_FACES && places.len() > shell.face_count()
+    places.len() > shell.face_count()
 }
 
 /// A surface around `center` where `shell` is, but nowhere nearer than `least`, in the colours that

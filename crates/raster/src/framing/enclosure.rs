@@ -28,7 +28,7 @@ impl<'a> SceneEnclosure<'a> {
         };
         let corners = |triangle: usize| scene.corners(triangle);
         let is_flagged = !backdrop.is_empty() || scene.shell_count() > 0;
-        let detected = if is_flagged { None } else { far_shell(&corners, count) };
+        let detected = if is_flagged { None } else { far_shell(corners, count) };
         let is_shell = |triangle: &usize| match &detected {
             Some(is_far) => is_far[*triangle],
             None => backdrop.contains(triangle) || scene.is_shell(*triangle),
@@ -114,7 +114,7 @@ const GRID: usize = 8;
 
 /// Flags of the `count` triangles, given by their `corners`, that are a far shell; `None` without
 /// one. `[N]`
-pub fn far_shell(corners: &(dyn Fn(usize) -> [Vec3; 3] + Sync), count: usize) -> Option<Vec<bool>> {
+pub fn far_shell(corners: impl Fn(usize) -> [Vec3; 3] + Sync, count: usize) -> Option<Vec<bool>> {
     if count < MIN_TRIANGLES {
         return None;
     }
@@ -283,7 +283,7 @@ mod far_shell_tests {
     }
 
     fn shell_size(triangles: &[[Vec3; 3]]) -> Option<usize> {
-        let is_far = far_shell(&|face| triangles[face], triangles.len())?;
+        let is_far = far_shell(|face| triangles[face], triangles.len())?;
         Some(is_far.iter().filter(|far| **far).count())
     }
 
