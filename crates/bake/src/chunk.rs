@@ -120,6 +120,14 @@ pub(super) fn by_material(asset: &mut Asset) -> bool {
     if !has_pages && mesh.single_sided.is_empty() {
         return false;
     }
+    let is_of_one = |chunk: &Chunk| {
+        let first = chunk.first as usize;
+        let mut faces = first..first + chunk.count as usize;
+        faces.all(|face| mesh.material(face) == mesh.material(first))
+    };
+    if asset.chunks.iter().all(is_of_one) {
+        return false;
+    }
     let mut order: Vec<u32> = (0..mesh.face_count() as u32).collect();
     let mut chunks = Vec::with_capacity(asset.chunks.len());
     for chunk in &asset.chunks {

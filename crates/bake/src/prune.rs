@@ -231,15 +231,18 @@ fn classify(
 }
 
 /// The verdict by the rules that need one face only.
+#[inline]
 fn classify_alone(face: &Face, options: &PruneOptions) -> PruneDecision {
-    let finite = face.corners.iter().all(|v| v.is_finite())
-        && face.opacity.is_finite()
+    // False for NaN too.
+    let is_in_reach = face.corners.iter().all(|v| v.abs().cmple(Vec3::splat(REACH)).all());
+    let has_finite_values = face.opacity.is_finite()
         && face.sigma.is_finite()
         && face.color.iter().all(|c| c.is_finite());
-    if !finite {
+    if !has_finite_values {
         PruneDecision::NonFinite
-    } else if reach(&face.corners) > REACH {
-        PruneDecision::OutOfReach
+    } else if !is_in_reach {
+        let is_finite = face.corners.iter().all(|v| v.is_finite());
+        if is_finite { PruneDecision::OutOfReach } else { PruneDecision::NonFinite }
     } else if is_degenerate(&face.corners) {
         PruneDecision::Degenerate
     } else if f64::from(face.opacity) < options.min_opacity {

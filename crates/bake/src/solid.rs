@@ -219,6 +219,7 @@ pub fn area_factor(opacity: f64, sigma: f64) -> f64 {
 /// ```text
 /// s = (|bc| a + |ca| b + |ab| c) / (|bc| + |ca| + |ab|)
 /// ```
+#[inline]
 pub fn shrink(corners: &[Vec3; 3], factor: f64) -> [Vec3; 3] {
     let [a, b, c] = corners.map(|v| v.as_dvec3());
     let bc = b.distance(c);

@@ -74,7 +74,8 @@ impl Scene {
 
     /// Triangles of the shell.
     pub fn shell_count(&self) -> usize {
-        (0..self.triangle_count()).filter(|i| self.is_shell(*i)).count()
+        let (Scene::Soup(Soup { shell, .. }) | Scene::Mesh(Mesh { shell, .. })) = self;
+        shell.iter().filter(|is_shell| **is_shell).count()
     }
 
     /// A copy as a soup; the triangles of a mesh are nearly solid in it, each of the mean colour of

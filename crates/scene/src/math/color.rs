@@ -6,6 +6,7 @@ use glam::{DMat4, DVec3, DVec4};
 use std::sync::LazyLock;
 
 /// sRGB-encoded channel in [0, 1] to linear light; values outside are clamped first.
+#[inline]
 pub fn linear_from_srgb(encoded: f32) -> f32 {
     let c = encoded.clamp(0.0, 1.0);
     // NaN is in no range.
