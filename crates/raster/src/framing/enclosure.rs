@@ -168,18 +168,25 @@ fn face_origin(far: &[[Vec3; 3]]) -> bool {
 /// True if the triangles cover most directions from the origin.
 fn cover_directions(far: &[[Vec3; 3]]) -> bool {
     let directions = directions();
+    let min_count = MIN_COVERED * directions.len() as f32;
     let mut covered = vec![false; directions.len()];
+    let mut count = 0;
     for triangle in far {
         let cone = Cone::of(triangle);
         let [faces, down, across] = near_directions(triangle);
         for i in faces.flat_map(|face| down.clone().map(move |y| (face * GRID + y) * GRID)) {
             for i in across.clone().map(|x| i + x) {
-                covered[i] = covered[i] || cone.contains(directions[i]);
+                if !covered[i] && cone.contains(directions[i]) {
+                    covered[i] = true;
+                    count += 1;
+                }
             }
         }
+        if count as f32 >= min_count {
+            return true;
+        }
     }
-    covered.iter().filter(|covered| **covered).count() as f32
-        >= MIN_COVERED * directions.len() as f32
+    false
 }
 
 /// The directions from the origin to a triangle.
