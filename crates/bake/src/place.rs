@@ -261,13 +261,18 @@ pub fn place(
     details.center = Some(placement.center);
     details.rotate = (placement.rotate != 0.0).then_some(placement.rotate);
     let transform = placement.transform();
-    parallel::for_each_mut(&mut mesh.positions, 1 << 14, |_, p| *p = transform(*p));
+    let blocks = parallel::map(mesh.positions.chunks_mut(1 << 14), |_, positions| {
+        for position in positions.iter_mut() {
+            *position = transform(*position);
+        }
+        all_finite(bytemuck::cast_slice(positions))
+    });
     let rotation = placement.rotation();
     for normal in &mut mesh.normals {
         *normal = (rotation * normal.as_dvec3()).as_vec3();
     }
     ShRotation::turn(mesh, rotation);
-    if !all_finite(bytemuck::cast_slice(&mesh.positions)) {
+    if !blocks.into_iter().all(|are_finite| are_finite) {
         Err(Error::invalid("scale", placement.scale, "a factor that keeps every position finite"))
     } else {
         Ok(Outcome::Changed(()))

@@ -198,6 +198,7 @@ struct Face {
     color: [f32; 3],
 }
 
+#[inline(always)]
 fn soup_face(soup: &Soup, i: usize) -> Face {
     Face {
         corners: soup.vertices[i],
@@ -207,6 +208,7 @@ fn soup_face(soup: &Soup, i: usize) -> Face {
     }
 }
 
+#[inline(always)]
 fn mesh_face(mesh: &Mesh, i: usize) -> Face {
     let opacity = mesh.opacity.get(i).copied().unwrap_or(1.0);
     Face { corners: mesh.corners(i), opacity, sigma: 0.0, color: mesh.corner_colors(i)[0] }
@@ -231,7 +233,7 @@ fn classify(
 }
 
 /// The verdict by the rules that need one face only.
-#[inline]
+#[inline(always)]
 fn classify_alone(face: &Face, options: &PruneOptions) -> PruneDecision {
     // False for NaN too.
     let is_in_reach = face.corners.iter().all(|v| v.abs().cmple(Vec3::splat(REACH)).all());
@@ -277,11 +279,11 @@ pub(crate) fn connected_flags(mesh: &Mesh) -> Vec<bool> {
 #[inline]
 pub(super) fn is_degenerate(corners: &[Vec3; 3]) -> bool {
     let [a, b, c] = *corners;
-    let longest2 =
-        (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
+    // At least the square of the longest side, without its comparisons.
+    let sides2 = (b - a).length_squared() + (c - a).length_squared() + (c - b).length_squared();
     // Far from the limit f32 is enough; NaN, overflow and underflow fail this test and are tested
     // again in f64.
-    if (b - a).cross(c - a).length_squared() > 1e-6 * longest2 * longest2 {
+    if (b - a).cross(c - a).length_squared() > 1e-6 * sides2 * sides2 {
         return false;
     }
     is_degenerate_f64(corners)

@@ -182,8 +182,9 @@ fn solidify(corners: &mut [Vec3; 3], factor: f64) -> Shrunk {
     if !(factor > 0.0) {
         return Shrunk::NoContour;
     }
-    *corners = shrink(corners, factor);
-    if is_degenerate(corners) { Shrunk::Collapsed } else { Shrunk::Solid }
+    let shrunk = shrink(corners, factor);
+    *corners = shrunk;
+    if is_degenerate(&shrunk) { Shrunk::Collapsed } else { Shrunk::Solid }
 }
 
 /// The scale about the incenter at which opacity times window is `contour`; 0 when it never is.
