@@ -32,11 +32,3 @@ other_system() {
     step env "CC_$name=true" "CXX_$name=true" "AR_$name=true" SDKROOT=/ CARGO_TARGET_DIR=target/other \
         cargo clippy --quiet --target "$1" --lib --bins -- -D warnings
 }
-
-# fuzzer_fetched: true when what the fuzz targets are made of is here.
-fuzzer_fetched() {
-    cp Cargo.lock tests/fuzz/Cargo.lock
-    cargo fetch --quiet --manifest-path tests/fuzz/Cargo.toml && return
-    printf '\nSKIPPED (what the fuzzer needs cannot be fetched)\n' >&2
-    return 1
-}

@@ -133,7 +133,7 @@ fn extract(
     add_measured(&mut pictures, depths);
     details.pictures = cameras.len() as u64;
     details.voxel = f64::from(grid.voxel);
-    let mut mesh = fused(&pictures, grid, options, limits, details)?;
+    let mut mesh = seen_surface(&pictures, grid, options, limits, details)?;
     drop(pictures);
     details.extracted = mesh.face_count() as u64;
     let (pieces, holes) = match part {
@@ -162,7 +162,7 @@ fn extract(
 }
 
 /// The surface of what the pictures show.
-fn fused(
+fn seen_surface(
     pictures: &[DepthPicture],
     grid: Grid,
     options: &SurfaceOptions,

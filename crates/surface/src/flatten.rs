@@ -1,7 +1,6 @@
 //! Makes planes of drawn depths where photos show no texture: nothing tells triangles there how far
 //! they are, so their depths are noise around the surface, which measured depths beside them share.
 
-use crate::measured::MEASURED_WEIGHT;
 use crate::picture::{DepthPicture, UNKNOWN};
 use glam::{IVec2, Mat3, UVec2, Vec2, Vec3};
 use trisplat_scene::parallel::{self, GRAIN};
@@ -35,7 +34,7 @@ pub(super) fn flatten(picture: &mut DepthPicture, measured: &DepthPicture) {
     let ratio = measured.camera.focal / picture.camera.focal;
     let width = picture.camera.size.x;
     for (pixel, depth) in picture.depth.iter_mut().enumerate() {
-        let place = (middle(pixel, width)) * ratio;
+        let place = middle(pixel, width) * ratio;
         let cell = place.as_uvec2();
         if !cell.cmplt(measured.camera.size).all() {
             continue;
@@ -62,7 +61,7 @@ impl<'a> Cells<'a> {
         let width = measured.camera.size.x;
         let value = |cell: usize| {
             if measured.depth[cell] != UNKNOWN {
-                return (measured.depth[cell].recip(), MEASURED_WEIGHT);
+                return (measured.depth[cell].recip(), measured.weight);
             }
             let pixel = (middle(cell, width) * ratio).as_uvec2().min(size - 1);
             let drawn = picture.depth[(pixel.y * size.x + pixel.x) as usize];
@@ -78,7 +77,7 @@ impl<'a> Cells<'a> {
     /// 1/z of a plane is linear in the picture.
     fn plane(&self, cell: usize) -> Option<Vec3> {
         let (drawn, weight) = self.values[cell];
-        if weight != 1.0 {
+        if weight == 0.0 || self.measured.depth[cell] != UNKNOWN {
             return None;
         }
         let mut plane = Vec3::new(0.0, 0.0, drawn);
@@ -140,6 +139,11 @@ mod tests {
         DepthPicture { camera, depth, rgb, weight: 1.0 }
     }
 
+    /// What was measured in a photo of these colours.
+    fn measured(depth: Vec<f32>, color: impl Fn(usize) -> u8) -> DepthPicture {
+        DepthPicture { weight: 4.0, ..picture(depth, color) }
+    }
+
     /// A slanted plane, drawn with 2% of noise.
     fn noisy() -> (Vec<f32>, Vec<f32>) {
         let rng = Rng::new(3, "flatten", 0);
@@ -162,7 +166,7 @@ mod tests {
         let (drawn, exact) = noisy();
         let before = error(&drawn, &exact);
         let mut flat = picture(drawn.clone(), |_| 0);
-        flatten(&mut flat, &picture(vec![UNKNOWN; 1200], |_| 200));
+        flatten(&mut flat, &measured(vec![UNKNOWN; 1200], |_| 200));
         let after = error(&flat.depth, &exact);
         assert!(after < 0.25 * before, "{before} {after}");
 
@@ -170,7 +174,7 @@ mod tests {
         let far: Vec<f32> = drawn.iter().map(|depth| 1.05 * depth).collect();
         let some = |cell: usize| if cell % 3 == 0 { exact[cell] } else { UNKNOWN };
         let mut flat = picture(far.clone(), |_| 0);
-        flatten(&mut flat, &picture((0..1200).map(some).collect(), |_| 200));
+        flatten(&mut flat, &measured((0..1200).map(some).collect(), |_| 200));
         let drawn_alone = |cell: usize| if cell % 3 == 0 { exact[cell] } else { flat.depth[cell] };
         let pulled: Vec<f32> = (0..1200).map(drawn_alone).collect();
         assert!(error(&pulled, &exact) < 0.4 * error(&far, &exact));
@@ -181,7 +185,7 @@ mod tests {
         let (drawn, exact) = noisy();
         let mut textured = picture(drawn.clone(), |_| 0);
         let checks = |cell: usize| if (cell % 40 / 2 + cell / 80) % 2 == 0 { 200 } else { 90 };
-        flatten(&mut textured, &picture(vec![UNKNOWN; 1200], checks));
+        flatten(&mut textured, &measured(vec![UNKNOWN; 1200], checks));
         assert_eq!(textured.depth, drawn);
 
         let step = |cell: usize| match cell % 40 {
@@ -191,7 +195,7 @@ mod tests {
         };
         let before: Vec<f32> = (0..1200).map(step).collect();
         let mut outline = picture(before.clone(), |_| 0);
-        flatten(&mut outline, &picture(vec![UNKNOWN; 1200], |_| 200));
+        flatten(&mut outline, &measured(vec![UNKNOWN; 1200], |_| 200));
         for (cell, depth) in outline.depth.iter().enumerate() {
             let wants = before[cell] / drawn[cell] * exact[cell];
             assert!(

@@ -8,7 +8,7 @@ use trisplat_scene::camera::PhotoDepths;
 use trisplat_scene::parallel::{self, GRAIN};
 
 /// Weight of a measured depth; a drawn one has 1.
-pub(super) const MEASURED_WEIGHT: f32 = 4.0;
+const MEASURED_WEIGHT: f32 = 4.0;
 /// Largest ratio of two depths of one surface, two cells apart.
 const SAME_SURFACE: f32 = 1.02;
 /// Cells to each side of a gap up to which a measured depth bridges it, ...
