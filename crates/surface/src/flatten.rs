@@ -172,11 +172,12 @@ mod tests {
 
         // Some measured depths say more than drawn ones, which are all too far.
         let far: Vec<f32> = drawn.iter().map(|depth| 1.05 * depth).collect();
-        let some = |cell: usize| if cell % 3 == 0 { exact[cell] } else { UNKNOWN };
+        let some = |cell: usize| if cell.is_multiple_of(3) { exact[cell] } else { UNKNOWN };
         let mut flat = picture(far.clone(), |_| 0);
         flatten(&mut flat, &measured((0..1200).map(some).collect(), |_| 200));
-        let drawn_alone = |cell: usize| if cell % 3 == 0 { exact[cell] } else { flat.depth[cell] };
-        let pulled: Vec<f32> = (0..1200).map(drawn_alone).collect();
+        let pulled =
+            |cell: usize| if cell.is_multiple_of(3) { exact[cell] } else { flat.depth[cell] };
+        let pulled: Vec<f32> = (0..1200).map(pulled).collect();
         assert!(error(&pulled, &exact) < 0.4 * error(&far, &exact));
     }
 
@@ -184,7 +185,8 @@ mod tests {
     fn texture_and_outlines_stay() {
         let (drawn, exact) = noisy();
         let mut textured = picture(drawn.clone(), |_| 0);
-        let checks = |cell: usize| if (cell % 40 / 2 + cell / 80) % 2 == 0 { 200 } else { 90 };
+        let is_white = |cell: usize| (cell % 40 / 2 + cell / 80).is_multiple_of(2);
+        let checks = |cell: usize| if is_white(cell) { 200 } else { 90 };
         flatten(&mut textured, &measured(vec![UNKNOWN; 1200], checks));
         assert_eq!(textured.depth, drawn);
 
