@@ -139,9 +139,6 @@ pub(super) fn by_material(asset: &mut Asset) -> bool {
             first += part.len() as u32;
         }
     }
-    if chunks == asset.chunks {
-        return false;
-    }
     asset.mesh.select(&order);
     asset.chunks = chunks;
     true

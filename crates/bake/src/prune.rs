@@ -235,14 +235,12 @@ fn classify(
 /// The verdict by the rules that need one face only.
 #[inline(always)]
 fn classify_alone(face: &Face, options: &PruneOptions) -> PruneDecision {
-    // False for NaN too.
-    let is_in_reach = face.corners.iter().all(|v| v.abs().cmple(Vec3::splat(REACH)).all());
     let has_finite_values = face.opacity.is_finite()
         && face.sigma.is_finite()
         && face.color.iter().all(|c| c.is_finite());
     if !has_finite_values {
         PruneDecision::NonFinite
-    } else if !is_in_reach {
+    } else if !is_in_reach(&face.corners) {
         let is_finite = face.corners.iter().all(|v| v.is_finite());
         if is_finite { PruneDecision::OutOfReach } else { PruneDecision::NonFinite }
     } else if is_degenerate(&face.corners) {
@@ -256,6 +254,12 @@ fn classify_alone(face: &Face, options: &PruneOptions) -> PruneDecision {
     }
 }
 
+/// True if an engine can place these corners; false for NaN too.
+#[inline(always)]
+fn is_in_reach(corners: &[Vec3; 3]) -> bool {
+    corners.iter().all(|v| v.abs().cmple(Vec3::splat(REACH)).all())
+}
+
 /// The largest coordinate of some corners.
 fn reach(corners: &[Vec3; 3]) -> f32 {
     corners.iter().map(|v| v.abs().max_element()).fold(0.0, f32::max)
@@ -263,11 +267,8 @@ fn reach(corners: &[Vec3; 3]) -> f32 {
 
 /// True for faces of connected parts that an engine can draw. `[F]`
 pub(crate) fn connected_flags(mesh: &Mesh) -> Vec<bool> {
-    let is_drawable = |corners: &[Vec3; 3]| {
-        corners.iter().all(|corner| corner.is_finite()) && reach(corners) <= REACH
-    };
     let flags = connected_faces(mesh).into_iter().enumerate();
-    flags.map(|(face, is_connected)| is_connected && is_drawable(&mesh.corners(face))).collect()
+    flags.map(|(face, is_connected)| is_connected && is_in_reach(&mesh.corners(face))).collect()
 }
 
 /// True when the corners lie on a line or a point, to the rounding of the longest edge; also for

@@ -5,6 +5,7 @@
 use crate::fill::border;
 use crate::fuse::{DistanceField, VoxelBlock};
 use crate::grid::{Grid, SAMPLES, SIDE, block, offset_of};
+use crate::nets::nets;
 use glam::{IVec3, Vec3};
 use trisplat_scene::math::lists::Sets;
 use trisplat_scene::mesh::Mesh;
@@ -23,14 +24,29 @@ struct Unobserved {
     at: IVec3,
 }
 
-/// Gives the unobserved samples near `places` a distance and a colour: layer by layer from the
-/// observed ones, each the mean of the samples beside it that have some. `fuse` makes the block of a
-/// number.
+/// The surface of `field`, closed where nothing was observed; `fuse` makes the block of a number.
 ///
 /// # Errors
 ///
 /// More blocks than `limits` permit in an array.
-pub(super) fn extend(
+pub(super) fn closed_nets(
+    field: &mut DistanceField,
+    grid: &Grid,
+    limits: &Limits,
+    fuse: impl Fn(u64) -> VoxelBlock + Sync,
+) -> Result<Mesh> {
+    let (observed, _) = nets(field, grid);
+    let borders = border(&observed);
+    let places = borders.keys().map(|vertex| observed.positions[*vertex as usize]);
+    extend(field, grid, places, limits, fuse)?;
+    let (mut mesh, extended) = nets(field, grid);
+    drop_open(&mut mesh, &extended);
+    Ok(mesh)
+}
+
+/// Gives the unobserved samples near `places` a distance and a colour: layer by layer from the
+/// observed ones, each the mean of the samples beside it that have some.
+fn extend(
     field: &mut DistanceField,
     grid: &Grid,
     places: impl Iterator<Item = Vec3>,
@@ -50,8 +66,8 @@ pub(super) fn extend(
                 field.blocks[sample.block].extend(sample.local, distance, color);
             }
         }
-        let mut is_left = layer.iter().map(Option::is_none);
-        left.retain(|_| is_left.next().unwrap_or(false));
+        let without = left.into_iter().zip(&layer).filter(|(_, found)| found.is_none());
+        left = without.map(|(sample, _)| sample).collect();
     }
     Ok(())
 }
@@ -78,17 +94,15 @@ fn add_missing(
 
 /// The unobserved samples of the blocks of these numbers.
 fn unobserved(field: &DistanceField, numbers: &[u64]) -> Vec<Unobserved> {
-    let of_block = |number: &u64| {
-        let first = block(*number) * SIDE;
-        let block = field.numbers.binary_search(number).ok();
-        block.into_iter().flat_map(move |block| {
-            let distances = &field.blocks[block].distance;
-            let is_unobserved = |local: &usize| distances[*local].is_nan();
-            let sample = move |local| Unobserved { block, local, at: first + offset_of(local) };
-            (0..SAMPLES).filter(is_unobserved).map(sample)
-        })
+    let of_block = |index: usize| {
+        let first = block(field.numbers[index]) * SIDE;
+        let distances = &field.blocks[index].distance;
+        let is_unobserved = |local: &usize| distances[*local].is_nan();
+        let sample = move |local| Unobserved { block: index, local, at: first + offset_of(local) };
+        (0..SAMPLES).filter(is_unobserved).map(sample)
     };
-    numbers.iter().flat_map(of_block).collect()
+    let found = |number: &u64| field.numbers.binary_search(number).ok();
+    numbers.iter().filter_map(found).flat_map(of_block).collect()
 }
 
 /// The mean distance and linear colour of the samples beside one; `None` where none has any.
@@ -111,7 +125,7 @@ fn mean_around(field: &DistanceField, at: IVec3) -> Option<(f32, Vec3)> {
 
 /// Drops the pieces of the extended surface (faces with a vertex in `extended`) that end in the
 /// open, or touch nothing that was observed: they close nothing.
-pub(super) fn drop_open(mesh: &mut Mesh, extended: &[bool]) {
+fn drop_open(mesh: &mut Mesh, extended: &[bool]) {
     let mut pieces = Sets::new(mesh.vertex_count());
     let new_of = |vertices: [u32; 3]| vertices.into_iter().filter(|v| extended[*v as usize]);
     for face in 0..mesh.face_count() {
@@ -147,7 +161,6 @@ pub(super) fn drop_open(mesh: &mut Mesh, extended: &[bool]) {
 mod tests {
     use super::*;
     use crate::grid::number;
-    use crate::nets::nets;
     use crate::options::SurfaceOptions;
     use trisplat_scene::mesh::Colors;
 
@@ -163,13 +176,8 @@ mod tests {
 
     /// Distances by their samples; NaN: not observed.
     fn field(distance: impl Fn(Vec3) -> f32) -> DistanceField {
-        let along = 0..BLOCKS;
-        let mut numbers: Vec<u64> = along
-            .clone()
-            .flat_map(|z| along.clone().flat_map(move |y| (0..BLOCKS).map(move |x| (x, y, z))))
-            .map(|(x, y, z)| number(IVec3::new(x, y, z)))
-            .collect();
-        numbers.sort_unstable();
+        let block_at = |i: i32| IVec3::new(i, i / BLOCKS, i / (BLOCKS * BLOCKS)) % BLOCKS;
+        let numbers: Vec<u64> = (0..BLOCKS.pow(3)).map(|i| number(block_at(i))).collect();
         let of_block = |of: &u64| {
             let mut made = VoxelBlock::UNOBSERVED;
             for local in 0..SAMPLES {
@@ -187,12 +195,8 @@ mod tests {
     fn surfaces(mut field: DistanceField) -> [Mesh; 2] {
         let grid = grid();
         let (observed, _) = nets(&field, &grid);
-        let borders = border(&observed);
-        let places = borders.keys().map(|vertex| observed.positions[*vertex as usize]);
         let unobserved = |_| VoxelBlock::UNOBSERVED;
-        extend(&mut field, &grid, places, &Limits::DEFAULT, unobserved).unwrap();
-        let (mut closed, extended) = nets(&field, &grid);
-        drop_open(&mut closed, &extended);
+        let closed = closed_nets(&mut field, &grid, &Limits::DEFAULT, unobserved).unwrap();
         [observed, closed]
     }
 

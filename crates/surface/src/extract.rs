@@ -1,12 +1,11 @@
 //! The recipe: from a scene to its surface.
 
 use crate::collider::collider;
-use crate::extend::{drop_open, extend};
-use crate::fill::{Holes, border, drop_small, drop_small_areas, fill};
+use crate::extend::closed_nets;
+use crate::fill::{Holes, drop_small, drop_small_areas, fill};
 use crate::fuse::{DistanceField, Fusion, VoxelBlock};
 use crate::grid::{Grid, blocks};
 use crate::measured::add_measured;
-use crate::nets::nets;
 use crate::options::{SurfaceDetails, SurfaceOptions};
 use crate::picture::{DepthPicture, ViewFrustum, pictures};
 use crate::simplify::{TooFewTriangles, simplify, smooth};
@@ -180,13 +179,8 @@ fn seen_surface(
     let mut field = DistanceField { numbers, blocks };
     let DistanceField { numbers, blocks } = &mut field;
     parallel::for_each_mut(blocks, 1, |i, block| *block = fusion.block(numbers[i], &observers));
-    let (observed, _) = nets(&field, &grid);
-    let borders = border(&observed);
-    let places = borders.keys().map(|vertex| observed.positions[*vertex as usize]);
-    extend(&mut field, &grid, places, limits, |number| fusion.block(number, &observers))?;
+    let mesh = closed_nets(&mut field, &grid, limits, |number| fusion.block(number, &observers))?;
     details.blocks = field.blocks.len() as u64;
-    let (mut mesh, extended) = nets(&field, &grid);
-    drop_open(&mut mesh, &extended);
     Ok(mesh)
 }
 

@@ -2,7 +2,7 @@
 //! they are, so their depths are noise around the surface, which measured depths beside them share.
 
 use crate::picture::{DepthPicture, UNKNOWN};
-use glam::{IVec2, Mat3, UVec2, Vec2, Vec3};
+use glam::{IVec2, Mat3, Vec3};
 use trisplat_scene::parallel::{self, GRAIN};
 
 /// Cells to each side that make a plane.
@@ -32,39 +32,26 @@ pub(super) fn flatten(picture: &mut DepthPicture, measured: &DepthPicture) {
     let cells = Cells::new(picture, measured);
     let planes = parallel::collect(cells.values.len(), GRAIN / 64, |cell| cells.plane(cell));
     let ratio = measured.camera.focal / picture.camera.focal;
-    let width = picture.camera.size.x;
-    for (pixel, depth) in picture.depth.iter_mut().enumerate() {
-        let place = middle(pixel, width) * ratio;
-        let cell = place.as_uvec2();
-        if !cell.cmplt(measured.camera.size).all() {
-            continue;
-        }
-        let offset = place - cell.as_vec2() - 0.5;
-        let plane = planes[(cell.y * measured.camera.size.x + cell.x) as usize];
-        let inverse = plane.map_or(0.0, |plane| plane.dot(offset.extend(1.0)));
+    for pixel in 0..picture.depth.len() {
+        let place = picture.middle(pixel) * ratio;
+        let Some(cell) = measured.pixel_at(place) else { continue };
+        let Some(plane) = planes[cell] else { continue };
+        let inverse = plane.dot((place - measured.middle(cell)).extend(1.0));
         // A pixel of another surface stays.
-        if (*depth * inverse - 1.0).abs() < 2.0 * MAX_DIFFERENCE {
-            *depth = inverse.recip();
+        if (picture.depth[pixel] * inverse - 1.0).abs() < 2.0 * MAX_DIFFERENCE {
+            picture.depth[pixel] = inverse.recip();
         }
     }
-}
-
-/// The middle of a pixel.
-fn middle(pixel: usize, width: u32) -> Vec2 {
-    UVec2::new(pixel as u32 % width, pixel as u32 / width).as_vec2() + 0.5
 }
 
 impl<'a> Cells<'a> {
     fn new(picture: &DepthPicture, measured: &'a DepthPicture) -> Self {
         let ratio = picture.camera.focal / measured.camera.focal;
-        let size = picture.camera.size;
-        let width = measured.camera.size.x;
         let value = |cell: usize| {
             if measured.depth[cell] != UNKNOWN {
                 return (measured.depth[cell].recip(), measured.weight);
             }
-            let pixel = (middle(cell, width) * ratio).as_uvec2().min(size - 1);
-            let drawn = picture.depth[(pixel.y * size.x + pixel.x) as usize];
+            let drawn = picture.depth[picture.nearest(measured.middle(cell) * ratio)];
             if drawn > 0.0 && drawn.is_finite() { (drawn.recip(), 1.0) } else { (0.0, 0.0) }
         };
         let values = (0..measured.depth.len()).map(value).collect();
@@ -139,7 +126,7 @@ mod tests {
         DepthPicture { camera, depth, rgb, weight: 1.0 }
     }
 
-    /// What was measured in a photo of these colours.
+    /// Depths measured in a photo of these colours.
     fn measured(depth: Vec<f32>, color: impl Fn(usize) -> u8) -> DepthPicture {
         DepthPicture { weight: 4.0, ..picture(depth, color) }
     }

@@ -3,7 +3,7 @@
 
 use crate::flatten::flatten;
 use crate::picture::{DepthPicture, UNKNOWN};
-use glam::{UVec2, Vec2};
+use glam::Vec2;
 use trisplat_scene::camera::PhotoDepths;
 use trisplat_scene::parallel::{self, GRAIN};
 
@@ -39,14 +39,10 @@ pub(super) fn add_measured(pictures: &mut Vec<DepthPicture>, depths: &[PhotoDept
 /// Forgets the drawn depths of pixels whose depth is measured: the scene may be wrong there.
 fn forget(picture: &mut DepthPicture, measured: &DepthPicture) {
     let ratio = measured.camera.focal / picture.camera.focal;
-    let size = measured.camera.size;
-    let width = picture.camera.size.x;
-    for (pixel, depth) in picture.depth.iter_mut().enumerate() {
-        let at = UVec2::new(pixel as u32 % width, pixel as u32 / width);
-        let cell = ((at.as_vec2() + Vec2::splat(0.5)) * ratio).as_uvec2();
-        let is_inside = cell.cmplt(size).all();
-        if is_inside && measured.depth[(cell.y * size.x + cell.x) as usize] != UNKNOWN {
-            *depth = UNKNOWN;
+    for pixel in 0..picture.depth.len() {
+        let cell = measured.pixel_at(picture.middle(pixel) * ratio);
+        if cell.is_some_and(|cell| measured.depth[cell] != UNKNOWN) {
+            picture.depth[pixel] = UNKNOWN;
         }
     }
 }
@@ -67,8 +63,7 @@ fn bridge_gaps(map: &PhotoDepths, drawn: &DepthPicture) -> Vec<f32> {
             return depth(x, y);
         }
         let middle = Vec2::new(x as f32, y as f32) + Vec2::splat(0.5);
-        let pixel = (middle * ratio).as_uvec2().min(drawn.camera.size - 1);
-        let drawn_depth = drawn.depth[(pixel.y * drawn.camera.size.x + pixel.x) as usize];
+        let drawn_depth = drawn.depth[drawn.nearest(middle * ratio)];
         // The first depth in a direction, and its distance in steps.
         let first = |dx: i32, dy: i32| {
             let at = |k: i32| (depth(x + k * dx, y + k * dy), k as f32);

@@ -55,15 +55,31 @@ impl DepthPicture {
         self.camera.rotation * point + self.camera.translation
     }
 
+    /// The middle of a pixel, px.
+    pub(super) fn middle(&self, pixel: usize) -> Vec2 {
+        let width = self.camera.size.x;
+        UVec2::new(pixel as u32 % width, pixel as u32 / width).as_vec2() + 0.5
+    }
+
+    /// The pixel at a place of the picture; `None` beyond its right and lower side.
+    pub(super) fn pixel_at(&self, place: Vec2) -> Option<usize> {
+        let at = place.as_uvec2();
+        at.cmplt(self.camera.size).all().then_some((at.y * self.camera.size.x + at.x) as usize)
+    }
+
+    /// The pixel nearest to a place.
+    pub(super) fn nearest(&self, place: Vec2) -> usize {
+        let at = place.as_uvec2().min(self.camera.size - 1);
+        (at.y * self.camera.size.x + at.x) as usize
+    }
+
     /// The point of the scene that a pixel shows; `None` where it shows none.
     pub(super) fn point(&self, pixel: usize) -> Option<Vec3> {
         let depth = self.depth[pixel];
         if !(depth > 0.0 && depth.is_finite()) {
             return None;
         }
-        let width = self.camera.size.x as usize;
-        let middle = Vec2::new((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5);
-        let ray = ((middle - self.camera.center) / self.camera.focal).extend(1.0);
+        let ray = ((self.middle(pixel) - self.camera.center) / self.camera.focal).extend(1.0);
         let point = self.camera.rotation.transpose() * (ray * depth - self.camera.translation);
         point.is_finite().then_some(point)
     }
