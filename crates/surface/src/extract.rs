@@ -7,6 +7,7 @@ use crate::fuse::{DistanceField, Fusion, VoxelBlock};
 use crate::grid::{Grid, blocks};
 use crate::measured::add_measured;
 use crate::options::{SurfaceDetails, SurfaceOptions};
+use crate::outline::smooth_border;
 use crate::picture::{DepthPicture, ViewFrustum, pictures};
 use crate::simplify::{TooFewTriangles, simplify, smooth};
 use glam::Vec3;
@@ -146,6 +147,7 @@ fn extract(
     details.components = pieces.remaining;
     details.small = pieces.dropped_faces;
     details.holes = fill(&mut mesh, holes);
+    smooth_border(&mut mesh);
     let max_faces = options.max_triangles.map(|max_faces| max_faces as usize);
     if let Some(max_faces) = max_faces.filter(|max_faces| mesh.face_count() > *max_faces) {
         // Noise that few triangles cannot show would only crease them.

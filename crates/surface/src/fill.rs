@@ -167,11 +167,11 @@ fn keep_pieces(mesh: &mut Mesh, pieces: &[u32], stays: impl Fn(usize) -> bool) -
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     /// A sheet of cells, some left out.
-    fn sheet(side: u32, without: &[(u32, u32)]) -> Mesh {
+    pub(crate) fn sheet(side: u32, without: &[(u32, u32)]) -> Mesh {
         let at = |x: u32, y: u32| y * (side + 1) + x;
         let mut mesh = Mesh::default();
         for y in 0..=side {

@@ -30,6 +30,7 @@ mod grid;
 mod measured;
 mod nets;
 mod options;
+mod outline;
 mod picture;
 mod simplify;
 

@@ -18,8 +18,6 @@ const REACH: f32 = 1.5;
 const UNSEEN_DENSITY: f32 = 0.1;
 /// Width and height are multiples of this, so that mip levels are means of whole texels.
 const STEP: u32 = 32;
-/// Above this many faces charts are packed in rows, which takes less time.
-const ROWS_ABOVE: usize = 100_000;
 
 /// Charts and the texture that holds them.
 #[derive(Debug)]
@@ -63,11 +61,13 @@ impl Charts {
             let wants = format!("a texture on which the surface has room ({e})");
             Error::invalid("texture_size", options.texture_size, wants)
         };
-        let packing = if mesh.face_count() > ROWS_ABOVE { Packing::Fast } else { Packing::Shape };
-        let unwrap_options = Options { padding: PADDING, packing, ..Options::default() };
+        // In rows: packed by their shapes, thousands of charts need 3 to 10% less room, and most of
+        // the time of a textured surface (docs/benchmarks/surface.md).
+        let unwrap_options =
+            Options { padding: PADDING, packing: Packing::Fast, ..Options::default() };
         let positions: Vec<[f32; 3]> = mesh.positions.iter().map(Vec3::to_array).collect();
-        let first = Options { packing: Packing::Fast, ..unwrap_options };
-        let unwrapped = uvunwrap::generate(&[MeshInput::new(&positions, &mesh.indices)], &first);
+        let whole = MeshInput::new(&positions, &mesh.indices);
+        let unwrapped = uvunwrap::generate(&[whole], &unwrap_options);
         let charts = split_into_charts(mesh, &unwrapped.map_err(refused)?.meshes[0], edges);
         let inputs: Vec<MeshInput<'_>> = charts.iter().map(Chart::input).collect();
         let wanted = options.texels_per_pixel as f32;
