@@ -180,8 +180,8 @@ fn seconds(text: &str) -> Result<f64, String> {
 #[derive(Debug, clap::Args)]
 pub struct TeacherArgs {
     /// Also train on pictures of this soft scene, drawn from half way between neighbouring photos.
-    /// auto: train one first and keep it as OUT.teacher.ply. off: no teacher, as by default. A
-    /// teacher helps rooms of few photos, and costs dense captures time.
+    /// auto: train one first and keep it as OUT.teacher.ply. off: no teacher, as by default. It may
+    /// help a room of few photos; most captures lose by it, so compare both with eval.
     #[arg(long, value_name = "SCENE|auto|off", requires = "dataset")]
     pub teacher: Option<TeacherSource>,
     /// Share of the steps that use these pictures, 0 to 0.9, at most one picture per place between

@@ -2,7 +2,7 @@
 //! collide with.
 //!
 //! ```text
-//! scene + cameras ──► depth pictures ──┬► signed distances on a sparse lattice ──► surface nets ──► components ──► fill ──► smooth ──► simplify ──► Mesh
+//! scene + cameras ──► depth pictures ──┬► signed distances on a sparse lattice ──► surface nets ──► components ──► fill ──► outline ──► smooth ──► simplify ──► Mesh
 //!   photos' depth maps ────────────────┘
 //! ```
 //!
