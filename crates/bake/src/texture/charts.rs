@@ -61,7 +61,7 @@ impl Charts {
             let wants = format!("a texture on which the surface has room ({e})");
             Error::invalid("texture_size", options.texture_size, wants)
         };
-        // In rows: packed by their shapes, thousands of charts need 3 to 10% less room, and most of
+        // In rows: packed by their shapes, thousands of charts need 2 to 9% less room, and most of
         // the time of a textured surface (docs/benchmarks/surface.md).
         let unwrap_options =
             Options { padding: PADDING, packing: Packing::Fast, ..Options::default() };
