@@ -1,5 +1,5 @@
 //! Photos with poses become one connected surface with a texture: `cargo run --release --example
-//! surface [PHOTOS] [OUT.glb] [SECONDS]`, trained for so many seconds of CPU time.
+//! surface [PHOTOS] [OUT.glb] [SECONDS]`, trained for SECONDS of CPU time.
 
 #![allow(clippy::print_stdout, reason = "a program talks to its user")]
 

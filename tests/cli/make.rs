@@ -430,7 +430,7 @@ fn exposure_is_equal_in_capture_training_and_bake() {
     std::fs::remove_dir_all(fake.at("photos")).unwrap();
     let truth = phone::phone_sample(&fake.at("taken"));
     std::fs::rename(fake.at("taken/images"), fake.at("photos")).unwrap();
-    // A run that may grow so many triangles has time for trials; in so few steps it does not.
+    // The limit of a million triangles gives the run time for trials; 60 steps never reach it.
     let said = fake.succeed(&[
         "make",
         "photos",

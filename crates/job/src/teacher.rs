@@ -78,7 +78,7 @@ pub(super) fn teacher_budget(run: Budget, spent: f64) -> Budget {
     Budget { seconds: Seconds(spent + (run.seconds.0 - spent) * BUDGET_SHARE), ..run }
 }
 
-/// The whole of which the budget of a teacher is a part: the budget of the run, or its own whole.
+/// The budget that a teacher gets a share of: that of the run, or `whole`, which contains it.
 pub(super) fn whole(run: Budget, whole: Option<WholeBudget>, spent: f64) -> WholeBudget {
     let whole = whole.unwrap_or(WholeBudget { seconds: run.seconds, scale: 1.0, offset: 0.0 });
     let scale = whole.scale / BUDGET_SHARE;

@@ -62,7 +62,7 @@ pub struct TrainJob {
     pub teacher_file: Option<PathBuf>,
     /// Time budget. It chooses steps, triangles and the size of photos.
     pub budget: Option<Budget>,
-    /// Whole of which it is a part.
+    /// Budget of the whole run, when `budget` is a share of it.
     pub(super) whole: Option<WholeBudget>,
     /// Start of the budget's clock; `None`: the moment the job runs.
     pub began: Option<Instant>,

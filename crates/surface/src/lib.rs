@@ -2,7 +2,7 @@
 //! collide with.
 //!
 //! ```text
-//! scene + cameras ──► depth pictures ──┬► signed distances on a sparse lattice ──► surface nets ──► components ──► fill ──► outline ──► smooth ──► simplify ──► Mesh
+//! scene + cameras ──► depth pictures ──┬► signed distances on a sparse lattice ──► surface nets ──► components ──► fill ──► smooth ──► simplify ──► Mesh
 //!   photos' depth maps ────────────────┘
 //! ```
 //!
@@ -30,9 +30,9 @@ mod grid;
 mod measured;
 mod nets;
 mod options;
-mod outline;
 mod picture;
 mod simplify;
+mod smooth;
 
 pub use collapse::{Collapsed, EdgeCollapse};
 pub use connected::{connected_faces, connected_parts};

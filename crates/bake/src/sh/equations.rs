@@ -145,8 +145,8 @@ impl ShEquations {
         solved
     }
 
-    /// Coefficients of degree 1 and more that fit all of `faces`, each of which has a constant of
-    /// its own.
+    /// Coefficients of degree 1 and more that fit all of `faces`; each face keeps its own
+    /// constant.
     fn solve_together(&self, faces: Range<usize>, how: Regularization) -> Coefficients {
         let mut matrix = vec![0.0f32; packed(self.width)];
         let mut right = vec![[0.0f32; 3]; self.width];
