@@ -2,7 +2,6 @@
 //!
 //! Triangles are ranked by the area they cover in all photos together, after everything in front of
 //! them, in pixels. Triangles outside every picture are kept, because nothing hides them from other
-//! views. Hidden triangles are kept when they are few: they cost little, and close gaps in other
 //! views. Where triangles share edges, a part that is seen stays whole: a closed mesh stays closed.
 //! With a budget of triangles, the visible ones are then ranked by importance (see `decimate`).
 
@@ -21,8 +20,6 @@ use trisplat_scene::{Error, Result, parallel};
 /// Samples per pixel along each axis when only unseen triangles are dropped: a plain bake of our
 /// own soup must be fast.
 const MIN_SAMPLES: u32 = 1;
-/// Maximum share of hidden triangles that stay: so few cost little.
-const MAX_HIDDEN_SHARE: f64 = 0.05;
 /// At least this share of a triangle's visible area must lie in unmasked pixels. Triangles at the
 /// border of a mask lie in masked pixels for the most part, and without them holes open in other
 /// views.
@@ -165,7 +162,7 @@ pub fn unseen(
         keep = fewest_within(mesh, views, &ranked[..keep], db, details)?;
     }
     if keep == ranked.len() {
-        return Ok(Outcome::Skipped("hardly any triangle is hidden from every camera"));
+        return Ok(Outcome::Skipped("no triangle is hidden from every camera"));
     }
     let enlarging = decimation.filter(|_| options.enlarge);
     let moved =
@@ -214,12 +211,6 @@ fn rank(
     details.seen_by_none = Some((ranked.len() - visible) as u64);
     let outside = outside_first(mesh, cameras, &mut ranked[visible..]);
     details.outside = Some(outside as u64);
-    let hidden = ranked.len() - visible - outside;
-    let kept_unseen = if hidden as f64 <= MAX_HIDDEN_SHARE * ranked.len() as f64 {
-        outside + hidden
-    } else {
-        outside
-    };
     // Faces that are seen well enough come first among the visible ones.
     let seen_enough = if options.keep_unseen {
         visible
@@ -229,10 +220,10 @@ fn rank(
             .max(1)
     };
     let needed =
-        if options.keep_unseen || visible == 0 { ranked.len() } else { seen_enough + kept_unseen };
+        if options.keep_unseen || visible == 0 { ranked.len() } else { seen_enough + outside };
     if needed < ranked.len() {
         // Kept ones come before hardly seen ones.
-        ranked[seen_enough..visible + kept_unseen].rotate_left(visible - seen_enough);
+        ranked[seen_enough..visible + outside].rotate_left(visible - seen_enough);
     }
     Ok(VisibilityRanking { ranked, visible, seen_enough, needed })
 }
