@@ -121,9 +121,9 @@ fn trained() -> ImportedScene {
 #[test]
 fn the_trained_sample_meets_held_out_photos_as_a_file() {
     let (plain, with_photos) = without_and_with_photos(&trained());
-    // Measured 28.98 and 29.50 dB; four seeds of the training have 28.9 to 29.4 and 29.3 to 29.9.
+    // Measured 29.54 and 29.65 dB.
     assert!(
-        plain > 28.7 && with_photos > 29.2 && with_photos > plain,
+        plain > 29.0 && with_photos > 29.2 && with_photos > plain,
         "{plain:.2} {with_photos:.2}"
     );
 }

@@ -48,6 +48,9 @@ const SOLID_SIGMA_SCALE: f64 = 0.02;
 const SOLID_PRUNE_WEIGHT: f64 = 0.235;
 /// Triangles fainter than this are pruned at the end of the anneal, reached linearly (TS 0.7).
 const SOLID_PRUNE_OPACITY: f64 = 0.05;
+/// Share of the anneal after which triangles fainter than the second number are pruned: so late they
+/// are not on their way to 1, and as opaque ones they would be flecks.
+const FAINTEST: (f64, f64) = (0.97, 0.4);
 /// First densification, steps of a 30,000-step run (500, supplement).
 pub(crate) const REFINE_FROM: f64 = 500.0;
 
@@ -242,7 +245,12 @@ impl<'a> Schedule<'a> {
 
     /// The opacity below which triangles are pruned after `step`; it rises with the anneal.
     pub fn prune_opacity(&self, step: u64) -> f64 {
-        PRUNE_OPACITY + (SOLID_PRUNE_OPACITY - PRUNE_OPACITY) * self.annealed(step)
+        let (share, faintest) = FAINTEST;
+        if self.is_past(step, share * self.options.solid.opacity_until) {
+            faintest
+        } else {
+            PRUNE_OPACITY + (SOLID_PRUNE_OPACITY - PRUNE_OPACITY) * self.annealed(step)
+        }
     }
 
     /// True when the scene becomes solid, and `step` is at or beyond a position.
