@@ -24,7 +24,7 @@ mod target;
 mod tiles;
 mod usdz;
 
-pub use finish::{far_origin, is_far};
+pub use finish::{PLAIN_COLOR, far_origin, is_far};
 pub use format::{Format, foreign_json};
 pub use output::OutputOptions;
 pub use read::{

@@ -1,9 +1,11 @@
 //! Opaque, coloured triangles in place of the input's.
 
 use super::Recipe;
+use crate::lit::Lit;
 use crate::prune::{PruneOptions, prune};
 use crate::sh::ShDegree;
 use crate::solid::{color_with_sh, solid};
+use trisplat_formats::PLAIN_COLOR;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Outcome, counted};
@@ -18,7 +20,10 @@ impl Recipe<'_> {
         cameras: &[Camera],
         has_pictures: bool,
     ) -> Result<(Mesh, Provenance)> {
-        let ImportedScene { mut scene, provenance, warnings, .. } = loaded;
+        let ImportedScene { mut scene, provenance, mut warnings, .. } = loaded;
+        if self.options.lit.lit != Lit::Off {
+            warnings.retain(|warning| warning != PLAIN_COLOR);
+        }
         self.report.warnings.extend(warnings);
         if let Scene::Soup(soup) = &mut scene {
             let own = if has_pictures { ShDegree::Zero } else { self.options.sh.sh };
