@@ -421,15 +421,17 @@ fn a_mesh_of_plain_colours_is_told_of_light() {
     std::fs::write(at("a.obj"), format!("mtllib a.mtl\n{corners}usemtl red\nf 1 2 3\n")).unwrap();
     let colored = corners.replace('\n', " 1 0 0\n");
     std::fs::write(at("b.obj"), format!("{colored}f 1 2 3\n")).unwrap();
-    let bake = |input: &str, lit: &str, out: &str| {
-        let output = trisplat(&[&"bake", &at(input), &lit, &"-o", &at(out)]);
+    let told = |input: &str, out: &str, more: &[&dyn AsRef<std::ffi::OsStr>]| {
+        let (input, out) = (at(input), at(out));
+        let bake: [&dyn AsRef<std::ffi::OsStr>; 4] = [&"bake", &input, &"-o", &out];
+        let output = trisplat(&[&bake[..], more].concat());
         assert!(output.status.success());
         stderr(&output).contains("`trisplat bake --lit` lets light fall on it")
     };
-    assert!(bake("a.obj", "--lit=off", "a.glb") && !bake("b.obj", "--lit=off", "b.glb"));
-    assert!(!bake("a.obj", "--lit=flat", "lit.glb"));
+    assert_eq!([told("a.obj", "a.glb", &[]), told("b.obj", "b.glb", &[])], [true, false]);
+    assert!(!told("a.obj", "lit.glb", &[&"--lit"]));
     // Its file says that its colours are shown as they are.
-    assert!(!bake("a.glb", "--lit=off", "again.glb"));
+    assert!(!told("a.glb", "again.glb", &[]));
 }
 
 #[test]

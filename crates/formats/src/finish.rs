@@ -8,8 +8,7 @@ use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::report::counted;
 use trisplat_scene::{Error, ImportedScene, Limits, Placement, Provenance, Result, Scene, Soup};
 
-/// The warning about a material of a mesh that was made for light, which the bake leaves out without
-/// `--lit`.
+/// The warning about a material that was made for light, of a mesh: without `--lit` a bake has none.
 pub const PLAIN_COLOR: &str = "a material has one colour and no picture: without light only its outline shows; `trisplat bake --lit` lets light fall on it";
 
 /// The scene without triangles that are not finite; a warning counts these. `origin` was subtracted

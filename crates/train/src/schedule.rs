@@ -48,8 +48,8 @@ const SOLID_SIGMA_SCALE: f64 = 0.02;
 const SOLID_PRUNE_WEIGHT: f64 = 0.235;
 /// Triangles fainter than this are pruned at the end of the anneal, reached linearly (TS 0.7).
 const SOLID_PRUNE_OPACITY: f64 = 0.05;
-/// Share of the anneal after which triangles fainter than the second number are pruned: so late they
-/// are not on their way to 1, and as opaque ones they would be flecks.
+/// Share of the anneal after which triangles fainter than the second number are pruned: so late
+/// they are not on their way to 1, and as opaque ones they would be flecks.
 const FAINTEST: (f64, f64) = (0.97, 0.4);
 /// First densification, steps of a 30,000-step run (500, supplement).
 pub(crate) const REFINE_FROM: f64 = 500.0;
